@@ -1,0 +1,1 @@
+"""periporo: extreme deformation of soils by updated-Lagrangian periporomechanics."""

@@ -1,0 +1,1 @@
+"""Points, bonds, domain decomposition and the time loop."""

@@ -1,0 +1,1 @@
+"""Correspondence schemes: how bonds see deformation and how stress becomes force."""

@@ -1,0 +1,45 @@
+"""Symmetric tensors as rows of components, the order defined once for the whole program.
+
+Components stand in the order xx, yy, zz, xy, yz, xz. Plane strain keeps the first four, three dimensions
+keep all six. Shear entries are tensor components (half of the engineering shear).
+"""
+
+import numpy as np
+
+COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
+INDEX_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
+
+
+def component_count(dimension: int) -> int:
+    """Stored components of a symmetric tensor: 4 in plane strain, 6 in three dimensions."""
+    return 4 if dimension == 2 else 6
+
+
+def to_matrix(rows: np.ndarray) -> np.ndarray:
+    """Full tensors (n, 3, 3) from rows (n, 4) or (n, 6)."""
+    full = np.zeros((len(rows), 3, 3))
+    for c, (a, b) in enumerate(INDEX_PAIRS[: rows.shape[1]]):
+        full[:, a, b] = full[:, b, a] = rows[:, c]
+    return full
+
+
+def from_matrix(full: np.ndarray, components: int) -> np.ndarray:
+    """Rows (n, components) from full tensors (n, 3, 3)."""
+    return np.stack([full[:, a, b] for a, b in INDEX_PAIRS[:components]], axis=1)
+
+
+def mean(rows: np.ndarray) -> np.ndarray:
+    """Mean p = tr/3 of each row, (n,); negative in compression."""
+    return (rows[:, 0] + rows[:, 1] + rows[:, 2]) / 3.0
+
+
+def deviator_norm(rows: np.ndarray) -> np.ndarray:
+    """|s| = sqrt(s:s) of each row's deviator, (n,)."""
+    p = mean(rows)
+    normal = sum((rows[:, c] - p) ** 2 for c in range(3))
+    return np.sqrt(normal + 2.0 * np.sum(rows[:, 3:] ** 2, axis=1))
+
+
+def equivalent_shear(rows: np.ndarray) -> np.ndarray:
+    """q = sqrt(3/2) |s| of each row, (n,)."""
+    return np.sqrt(1.5) * deviator_norm(rows)

@@ -1,0 +1,1 @@
+"""Input schema, geometry, results, checkpoints, plots and the log."""

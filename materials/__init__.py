@@ -1,0 +1,1 @@
+"""Constitutive laws, their protocol and their registry."""

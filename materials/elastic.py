@@ -1,0 +1,44 @@
+"""Isotropic hypoelasticity: Hooke's law between the objective stress rate and the rate of deformation."""
+
+from typing import ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from periporo.core.jit import kernel
+from periporo.materials.base import MaterialParameters
+from periporo.materials.protocol import StateField
+
+
+class Elastic(MaterialParameters):
+    """Linear isotropic elastic law: dp = K tr(de), ds = 2 mu dev(de)."""
+
+    density: float = Field(gt=0, description="dry bulk density", json_schema_extra={"unit": "kg/m^3"})
+    bulk_modulus: float = Field(gt=0, description="bulk modulus K", json_schema_extra={"unit": "Pa"})
+    shear_modulus: float = Field(gt=0, description="shear modulus mu", json_schema_extra={"unit": "Pa"})
+
+    state_fields: ClassVar[tuple[StateField, ...]] = ()
+
+    def initial_state(self, stress, ids, volume):
+        """No state: an (n, 0) array."""
+        return np.zeros((len(stress), 0))
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        """Add the elastic increment to `stress` (n, 4|6) Pa in place."""
+        _add_elastic_increment(self.bulk_modulus, self.shear_modulus, stress, strain_increment)
+
+    def elastic_moduli(self, stress, state):
+        """Constant moduli, two (n,) arrays in Pa."""
+        n = len(stress)
+        return np.full(n, self.bulk_modulus), np.full(n, self.shear_modulus)
+
+
+@kernel
+def _add_elastic_increment(bulk, shear, stress, strain_increment):
+    lame = bulk - 2.0 / 3.0 * shear
+    for b in range(stress.shape[0]):
+        volumetric = lame * (strain_increment[b, 0] + strain_increment[b, 1] + strain_increment[b, 2])
+        for c in range(3):
+            stress[b, c] += volumetric + 2.0 * shear * strain_increment[b, c]
+        for c in range(3, stress.shape[1]):
+            stress[b, c] += 2.0 * shear * strain_increment[b, c]

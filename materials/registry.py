@@ -1,0 +1,24 @@
+"""Materials by name, found through the entry-point group `periporo.materials`."""
+
+import difflib
+from importlib import metadata
+
+GROUP = "periporo.materials"
+
+
+def available() -> dict[str, metadata.EntryPoint]:
+    """Entry points of every installed material by name; nothing is imported."""
+    return {point.name: point for point in metadata.entry_points(group=GROUP)}
+
+
+def load(name: str) -> type:
+    """The material class registered as `name`.
+
+    Raises KeyError with the installed names, the nearest first, if there is none.
+    """
+    found = available()
+    if name not in found:
+        near = difflib.get_close_matches(name, found, n=1)
+        hint = f" Did you mean '{near[0]}'?" if near else ""
+        raise KeyError(f"no material model '{name}' is installed; installed: {', '.join(sorted(found))}.{hint}")
+    return found[name].load()
