@@ -1,0 +1,111 @@
+"""One exception for everything that is wrong with an input, and its one-screen message."""
+
+import difflib
+import textwrap
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+SCREEN_LINES = 24
+SCREEN_WIDTH = 100
+_MAX_PROBLEMS = 15
+_MAX_LINES_EACH = 3
+
+Path = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong: where (key path and line, if known) and what, with what is allowed instead."""
+
+    path: Path
+    message: str
+    line: int | None = None
+
+
+class InputError(Exception):
+    """The input cannot be used; `str(error)` is the complete message, short enough for one screen.
+
+    `problems` holds every problem, sorted by line; `source` names the file, or what stands for it.
+    """
+
+    def __init__(self, source: str, problems: Iterable[Problem]):
+        self.source = source
+        self.problems = sorted(problems, key=lambda p: (p.line is None, p.line or 0))
+        super().__init__(source, self.problems)
+
+    def __str__(self) -> str:
+        count = len(self.problems)
+        name = shorten(printable(self.source), SCREEN_WIDTH - 20)
+        lines = [f"{name}: {count} problem{'s' if count > 1 else ''}"]
+        for shown, problem in enumerate(self.problems):
+            block = _block(problem)
+            if shown == _MAX_PROBLEMS or len(lines) + len(block) > SCREEN_LINES - 1:
+                return "\n".join([*lines, f"  and {count - shown} more"])
+            lines += block
+        return "\n".join(lines)
+
+
+def _block(problem: Problem) -> list[str]:
+    where = [f"line {problem.line}"] if problem.line else []
+    where += [shorten(dotted(problem.path), 60)] if problem.path else []
+    text = f"{', '.join(where)}: {problem.message}" if where else problem.message
+    return textwrap.wrap(
+        printable(text),
+        SCREEN_WIDTH,
+        initial_indent="  ",
+        subsequent_indent="      ",
+        max_lines=_MAX_LINES_EACH,
+        placeholder=" ...",
+    )
+
+
+def dotted(path: Path) -> str:
+    """A key path as text: ("bodies", 0, "shape") becomes `bodies[0].shape`."""
+    text = ""
+    for part in path:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
+    return text
+
+
+def shorten(text: str, width: int) -> str:
+    """`text`, or its start with an ellipsis if it is longer than `width` characters."""
+    return text if len(text) <= width else text[: width - 3] + "..."
+
+
+def printable(text: str) -> str:
+    """`text` with control and other invisible characters as escapes, so that it cannot disturb a terminal."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def described(value: Any) -> str:
+    """A value as the user wrote it, with its kind where that is the point: `text 'abc'`, `yes/no (True)`."""
+    match value:
+        case None:
+            return "nothing"
+        case bool():
+            return f"a yes/no value ({value})"
+        case str():
+            return f"the text {shorten(repr(value), 40)}"
+        case dict():
+            return "a mapping (" + shorten(", ".join(map(str, value)), 40) + ")"
+        case list() | tuple():
+            return f"a list of {len(value)}"
+        case int() if abs(value) >= 10**20:
+            return "an integer of more than 20 digits"
+        case _:
+            return shorten(repr(value), 40)
+
+
+def nearest(word: Any, allowed: Iterable[str]) -> str | None:
+    """The member of `allowed` that `word` most likely stands for, or None; case does not matter."""
+    by_lower = {name.lower(): name for name in allowed}
+    found = difflib.get_close_matches(str(word)[:80].lower(), by_lower, n=1)
+    return by_lower[found[0]] if found else None
+
+
+def choice(word: Any, allowed: Sequence[str]) -> str:
+    """`did you mean 'a'? Allowed: a, b` for an unknown key, name or option."""
+    near = nearest(word, allowed)
+    hint = f"did you mean '{near}'? " if near else ""
+    return f"{hint}Allowed: {', '.join(allowed) or 'none'}"
