@@ -6,19 +6,24 @@ recorded step of the global figures and `/Run` the attributes of the run.
 
 A killed process leaves a readable file. Data goes out first, the number of outputs (`NSteps`) last; HDF5
 keeps its metadata in memory until we flush; nothing is compressed, because a compressed chunk that grows is
-moved, and its old place reused while the file on disk still points there.
+moved, and its old place reused while the file on disk still points there. Nor does a full disk harm it: the
+space of an output is reserved before HDF5 learns of it.
 """
 
+import errno
+import math
+import os
+import shutil
 from pathlib import Path
 
 import h5py
 import numpy as np
-
 from periporo.core.tensors import COMPONENTS
 
 _CHUNK_ROWS = 8192
 _INDEX_ROWS = 512  # chunk of the datasets with one row per output
 _HISTORY_ROWS = 4096
+_METADATA_BYTES = 16_384  # most that a growing dataset adds to its description and chunk index at once
 _VERTEX = 1  # VTK's cell type
 _AXES = ("x", "y", "z")
 _STORED_COMPONENTS = {1: (), 2: _AXES, 3: _AXES, 4: COMPONENTS, 6: COMPONENTS}
@@ -37,8 +42,9 @@ class ResultFile:
     """One result file open for writing, in one process.
 
     fields: name -> (columns, unit). Vectors (2 or 3 columns) are stored with 3 columns and symmetric tensors
-    (4 or 6) with 6, zeros in the places that plane strain lacks. An output is made of `put_rows` for `Points`,
-    `PointData/id` and each `PointData/<field>`, then `finish_output`, which makes it count.
+    (4 or 6) with 6, zeros in the places that plane strain lacks. An output is made of `begin_output`,
+    `put_rows` for `Points`, `PointData/id` and each `PointData/<field>`, and `finish_output`, which makes it
+    count.
     Raises OutputError, or OSError or RuntimeError from h5py.
     """
 
@@ -49,14 +55,14 @@ class ResultFile:
         self.history_units = history_units
         folder = self.path.absolute().parent
         if not folder.is_dir():
-            raise OutputError(f"cannot write {self.path}: the folder {folder} does not exist; create it first")
+            raise OutputError(f"cannot write {self.path}: the folder {folder} does not exist")
         if resume_step is not None:
             self._file = _reopen(self.path)
             self._check_same_layout()
             self._truncate(resume_step)
         elif self.path.exists() and not overwrite:
-            raise OutputError(f"{self.path} exists; use --overwrite to replace it, --resume to go on with its "
-                              "run, or choose another output file")
+            raise OutputError(f"{self.path} exists; use --overwrite to replace it, --resume to go on with "
+                              "its run, or choose another output file")
         else:
             self._file = _create(self.path)
             self._lay_out()
@@ -71,6 +77,16 @@ class ResultFile:
     @property
     def _steps(self):
         return self._file["VTKHDF/Steps"]
+
+    def begin_output(self, rows):
+        """Reserve the space of an output of `rows` points, so that a full disk shows before it is written."""
+        grid, steps = self._grid, self._steps
+        added = [(grid[name], self._start + rows) for name in ("Points", "Types")]
+        added += [(dataset, self._start + rows) for dataset in grid["PointData"].values()]
+        added += [(grid["Offsets"], self._start + self._count + rows + 1), (grid["Connectivity"], rows)]
+        added += [(grid[name], self._count + 1) for name in _COUNTS]
+        added += [(dataset, self._count + 1) for dataset in _datasets(steps)]
+        self._reserve(added)
 
     def put_rows(self, name, offset, rows):
         """Write rows (n,) or (n, k) of the present output, `offset` rows behind its beginning."""
@@ -108,6 +124,8 @@ class ResultFile:
             raise OutputError(f"cannot write {self.path}: history row {sorted(rows[0])}, but the file holds "
                               f"{sorted(history)}")
         start = min((len(dataset) for dataset in history.values()), default=0)
+        self._reserve([(dataset, start + len(rows)) for dataset in history.values()],
+                      extra=0 if len(history) else len(rows[0]) * 8 * (len(rows) + _HISTORY_ROWS))
         for name in rows[0]:
             if name not in history:
                 kind = "i8" if name == "step" else "f8"
@@ -116,6 +134,7 @@ class ResultFile:
 
     def put_attributes(self, attributes):
         """Set attributes of the run, name -> text or number."""
+        self._reserve([], extra=sum(2 * len(str(value)) for value in attributes.values()))
         for name, value in attributes.items():
             self._file["Run"].attrs[name] = value
 
@@ -126,6 +145,20 @@ class ResultFile:
     def close(self):
         """Flush and close."""
         self._file.close()
+
+    def _reserve(self, added, extra=0):
+        """Reserve disk space for the datasets of `added` to grow to the given rows, and `extra` bytes."""
+        size = extra + _METADATA_BYTES * (1 + len(added))
+        for dataset, rows in added:
+            chunks = math.ceil(rows / dataset.chunks[0]) - math.ceil(len(dataset) / dataset.chunks[0])
+            size += max(chunks, 0) * dataset.dtype.itemsize * int(np.prod(dataset.chunks))
+        end = os.path.getsize(self.path)
+        if not hasattr(os, "posix_fallocate"):
+            if shutil.disk_usage(self.path.absolute().parent).free < size:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            return
+        with open(self.path, "rb+") as file:
+            os.posix_fallocate(file.fileno(), end, size)
 
     def _lay_out(self):
         grid = self._file.create_group("VTKHDF")
@@ -172,9 +205,7 @@ class ResultFile:
         rows = int(grid["NumberOfPoints"][:keep].sum())
         steps.attrs.modify("NSteps", keep)
         self._file.flush()  # the count first: what is about to go must not count
-        per_output = [item for item in steps.values() if isinstance(item, h5py.Dataset)]
-        per_output += [*steps["PointDataOffsets"].values(), *(grid[name] for name in _COUNTS)]
-        for dataset in per_output:
+        for dataset in (*_datasets(steps), *(grid[name] for name in _COUNTS)):
             dataset.resize(keep, axis=0)
         for dataset in (grid["Points"], grid["Types"], *grid["PointData"].values()):
             dataset.resize(rows, axis=0)
@@ -205,6 +236,12 @@ def _hold_metadata(file):
     config.incr_mode = config.flash_incr_mode = config.decr_mode = 0
     file.id.set_mdc_config(config)
     return file
+
+
+def _datasets(steps):
+    """The datasets with one entry per output in the group `Steps`."""
+    own = [item for item in steps.values() if isinstance(item, h5py.Dataset)]
+    return own + list(steps["PointDataOffsets"].values())
 
 
 def _growing(group, name, kind, *, rows=_CHUNK_ROWS, unit="", components=()):

@@ -4,7 +4,6 @@ import contextlib
 from pathlib import Path
 
 import numpy as np
-
 from periporo.io.vtkhdf import OutputError, ResultFile
 
 __all__ = ["OutputError", "ResultWriter"]
@@ -27,7 +26,7 @@ class ResultWriter:
                  overwrite=False, resume_step=None, block_rows=262_144):
         for name, (columns, _) in fields.items():
             if columns not in (1, 2, 3, 4, 6) or name == "id":
-                raise ValueError(f"field {name!r} with {columns} columns: 1, 2, 3, 4 or 6 columns are allowed, "
+                raise ValueError(f"field {name!r} with {columns} columns: 1, 2, 3, 4 or 6 are allowed, "
                                  "and the name 'id' is taken by the global ids")
         self.path = Path(path)
         self.comm = comm
@@ -63,6 +62,7 @@ class ResultWriter:
         columns = {name: (np.reshape(values, (len(ids), width)), width)
                    for name, (values, width) in columns.items()}
         self.flush()
+        self._collectively(self._begin_output, sum(self.comm.allgather(len(ids))))
         written = taken = 0
         while (end := self._end_of_block(ids, taken)) is not None:
             block = slice(taken, np.searchsorted(ids, end))
@@ -82,7 +82,7 @@ class ResultWriter:
         self._history.append(dict(row))
 
     def set_attributes(self, attributes):
-        """Set attributes of the run, such as its wall time; written at the next `write`, `flush` or `close`."""
+        """Set attributes of the run, e.g. its wall time; written at the next `write`, `flush` or `close`."""
         self._attributes.update(attributes)
 
     def flush(self):
@@ -142,6 +142,9 @@ class ResultWriter:
         self._file = ResultFile(self.path, self.dimension, self.fields, history_units=history_units,
                                 overwrite=overwrite, resume_step=resume_step)
         self._flush()
+
+    def _begin_output(self, rows):
+        self._file.begin_output(rows)
 
     def _put_ids(self, offset, ids, into):
         ids = ids[into]

@@ -1,0 +1,163 @@
+"""Reading of result files: NumPy arrays by field and time."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import yaml
+
+
+class ResultError(Exception):
+    """A result file cannot be read, or does not hold what is asked for."""
+
+
+def open_results(path):
+    """Open a result file for reading, also while its run goes on; use it in a `with` statement.
+
+    Raises ResultError if the file is missing, damaged or not one of ours.
+    """
+    return Results(path)
+
+
+class Results:
+    """A result file open for reading, as it was when opened.
+
+    Outputs are counted from 0, or from the last with -1. Arrays are in global-id order. Vectors have 3
+    columns, symmetric tensors 6 (xx, yy, zz, xy, yz, xz), also in plane strain.
+    """
+
+    def __init__(self, path):
+        self.path = Path(path)
+        self._file = _open(self.path)
+        try:
+            steps = self._file["VTKHDF/Steps"]
+            count = int(steps.attrs["NSteps"])
+            self.times = steps["Values"][:count]  # s
+            self.steps = steps["StepNumbers"][:count]
+            self.point_counts = self._file["VTKHDF/NumberOfPoints"][:count]
+            self._starts = steps["PointOffsets"][:count]
+            self.attributes = dict(self._file["Run"].attrs)
+            self.dimension = int(self.attributes.pop("dimension"))
+        except (KeyError, OSError, RuntimeError) as error:
+            self._file.close()
+            raise ResultError(f"{self.path} is damaged or not a result file of periporo: {error}") from None
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def __len__(self):
+        """Number of outputs."""
+        return len(self.times)
+
+    def close(self):
+        """Close the file."""
+        self._file.close()
+
+    @property
+    def fields(self):
+        """Names of the fields of points."""
+        return tuple(name for name in self._file["VTKHDF/PointData"] if name != "id")
+
+    @property
+    def history_names(self):
+        """Names of the global figures."""
+        return tuple(self._file["History"])
+
+    @property
+    def configuration(self):
+        """The configuration of the run as a dictionary; empty if the file holds none."""
+        return yaml.safe_load(self.attributes.get("configuration", "")) or {}
+
+    def field(self, name, step=-1, *, time=None):
+        """Field `name`, (n,) or (n, 3) or (n, 6), at output `step`, or at the output nearest to `time` (s)."""
+        if name not in self.fields:
+            raise ResultError(f"{self.path} holds no field {name!r}; it holds {', '.join(self.fields) or 'none'}")
+        return self._rows(f"VTKHDF/PointData/{name}", self.output(step, time))
+
+    def positions(self, step=-1, *, time=None):
+        """Positions (n, 3) m."""
+        return self._rows("VTKHDF/Points", self.output(step, time))
+
+    def ids(self, step=-1, *, time=None):
+        """Global ids (n,), ascending."""
+        return self._rows("VTKHDF/PointData/id", self.output(step, time))
+
+    def unit(self, name):
+        """Unit of a field or of a global figure; '' for numbers without one."""
+        for group in ("VTKHDF/PointData", "History"):
+            if name in self._file[group]:
+                return str(self._file[group][name].attrs.get("unit", ""))
+        raise ResultError(f"{self.path} holds neither a field nor a history {name!r}")
+
+    def components(self, name):
+        """Names of the components of a field, () for one of a single column."""
+        self.unit(name)
+        return tuple(self._file[f"VTKHDF/PointData/{name}"].attrs.get("components", ()))
+
+    def history(self, name):
+        """Global figure `name` (m,) over all recorded steps; 'step' and 'time' are among the names."""
+        history = self._file["History"]
+        if name not in history:
+            raise ResultError(f"{self.path} holds no history {name!r}; it holds {', '.join(history) or 'none'}")
+        return history[name][: min(len(dataset) for dataset in history.values())]
+
+    def output(self, step=-1, time=None):
+        """Index from 0 of output `step`, or of the output nearest to `time` (s)."""
+        if not len(self):
+            raise ResultError(f"{self.path} holds no output yet")
+        if time is not None:
+            if not self.times[0] <= time <= self.times[-1]:
+                raise ResultError(f"{self.path}: time {time} s is outside {self.times[0]} ... {self.times[-1]} s")
+            return int(np.argmin(np.abs(self.times - time)))
+        if not -len(self) <= step < len(self):
+            raise ResultError(f"{self.path}: output {step} of {len(self)}; allowed are {-len(self)} ... "
+                              f"{len(self) - 1}")
+        return int(step) % len(self)
+
+    def to_xarray(self):
+        """All fields as an xarray Dataset over time, id and component; NaN where a point does not exist.
+
+        Reads the whole file into memory. Raises ImportError if xarray is not installed.
+        """
+        try:
+            import xarray
+        except ImportError:
+            raise ImportError("to_xarray needs the package xarray: pip install xarray") from None
+        all_ids = np.unique(np.concatenate([self.ids(k) for k in range(len(self))])) if len(self) else np.empty(0)
+        variables = {"position": (self.positions, ("x", "y", "z"), "m")}
+        for name in self.fields:
+            variables[name] = (lambda k, name=name: self.field(name, k), self.components(name), self.unit(name))
+        dataset = xarray.Dataset(coords={"time": self.times, "id": all_ids, "step": ("time", self.steps)})
+        for name, (read, components, unit) in variables.items():
+            values = np.full((len(self), len(all_ids), *([len(components)] if components else [])), np.nan)
+            for k in range(len(self)):
+                values[k, np.searchsorted(all_ids, self.ids(k))] = read(k)
+            axes = {3: ("axis",), 6: ("component",)}.get(len(components), ())
+            dataset[name] = (("time", "id", *axes), values, {"units": unit})
+            if components:
+                dataset.coords[axes[0]] = list(components)
+        return dataset
+
+    def _rows(self, name, k):
+        start = self._starts[k]
+        try:
+            return self._file[name][start : start + self.point_counts[k]]
+        except (OSError, RuntimeError) as error:
+            raise ResultError(f"{self.path} is damaged at {name}, output {k}: {error}") from None
+
+
+def _open(path):
+    if not path.is_file():
+        raise ResultError(f"{path} does not exist" if not path.exists() else f"{path} is not a file")
+    try:
+        file = h5py.File(path, "r", locking=False)  # no lock: the run may still be writing
+    except (OSError, RuntimeError) as error:
+        reason = "it is truncated or damaged" if h5py.is_hdf5(path) else "it is not an HDF5 file"
+        raise ResultError(f"cannot read {path}: {reason} ({error})") from None
+    if "VTKHDF/Steps/StepNumbers" not in file or "Run" not in file:
+        file.close()
+        raise ResultError(f"{path} is an HDF5 file, but not a result file of periporo")
+    return file
