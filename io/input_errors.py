@@ -90,7 +90,9 @@ def described(value: Any) -> str:
         case dict():
             return "a mapping (" + shorten(", ".join(map(str, value)), 40) + ")"
         case list() | tuple():
-            return f"a list of {len(value)}"
+            return f"a list of length {len(value)}"
+        case float():
+            return f"{value:.10g}"
         case int() if abs(value) >= 10**20:
             return "an integer of more than 20 digits"
         case _:
@@ -107,5 +109,5 @@ def nearest(word: Any, allowed: Iterable[str]) -> str | None:
 def choice(word: Any, allowed: Sequence[str]) -> str:
     """`did you mean 'a'? Allowed: a, b` for an unknown key, name or option."""
     near = nearest(word, allowed)
-    hint = f"did you mean '{near}'? " if near else ""
-    return f"{hint}Allowed: {', '.join(allowed) or 'none'}"
+    hint = f"did you mean '{near}'? Allowed" if near else "allowed"
+    return f"{hint}: {', '.join(allowed) or 'none'}"

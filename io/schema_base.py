@@ -1,0 +1,107 @@
+"""What all input models share: strict numbers with bounds, names, vectors, regions and time histories."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, StringConstraints, model_validator
+
+MAX_LENGTH = 1e7  # m
+MAX_SPEED = 1e5  # m/s
+MAX_STRESS = 1e13  # Pa
+MAX_ACCELERATION = 1e6  # m/s^2
+NAME_PATTERN = r"^\w([\w .+-]{0,62}\w)?$"
+FILE_PATTERN = r"^[^\x00-\x1f\x7f]+$"
+
+
+class SceneModel(BaseModel):
+    """Base of every part of a scene: immutable; unknown keys, NaN and infinity are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def key(description: str, unit: str = "", *, default: Any = ..., vector: bool = False, **bounds) -> Any:
+    """A key of the input with its description, unit and bounds, as the reference and the schema show them.
+
+    `vector` marks an entry that must have as many components as the scene has dimensions.
+    """
+    extra = {"unit": unit} if unit else {}
+    if vector:
+        extra["vector"] = True
+    return Field(default, description=description, json_schema_extra=extra, **bounds)
+
+
+def _bounded(limit: float) -> Any:
+    return Annotated[float, Strict(), Field(ge=-limit, le=limit)]
+
+
+def _vector(component: Any) -> Any:
+    return Annotated[tuple[component, ...], Field(min_length=2, max_length=3)]
+
+
+Real = Annotated[float, Strict()]
+Integer = Annotated[int, Strict()]
+Flag = Annotated[bool, Strict()]
+Coordinate = _bounded(MAX_LENGTH)
+Pressure = _bounded(MAX_STRESS)
+Position = _vector(Coordinate)
+OpenPosition = _vector(Coordinate | None)
+Velocity = _vector(_bounded(MAX_SPEED))
+Acceleration = _vector(_bounded(MAX_ACCELERATION))
+Stress = _vector(Pressure)
+Axis = Literal["x", "y", "z"]
+Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN)]
+FileName = Annotated[str, StringConstraints(min_length=1, max_length=250, pattern=FILE_PATTERN)]
+
+
+class Region(SceneModel):
+    """An axis-aligned box, open where a bound is null; only the points of one body, if it is named."""
+
+    lower: OpenPosition | None = key("lower corner, null = unbounded", "m", default=None, vector=True)
+    upper: OpenPosition | None = key("upper corner, null = unbounded", "m", default=None, vector=True)
+    body: Name | None = key("only points of this body", default=None)
+
+    @model_validator(mode="after")
+    def _selects(self):
+        if self.lower is None and self.upper is None and self.body is None:
+            raise ValueError("give at least one of lower, upper, body")
+        return self
+
+
+class History(SceneModel):
+    """A value over time, linear between the times given, constant before the first and after the last."""
+
+    times: tuple[Real, ...] = key("times, increasing", "s", min_length=1, max_length=100_000)
+    values: tuple[_bounded(MAX_LENGTH), ...] = key("values at these times", min_length=1, max_length=100_000)
+
+    @model_validator(mode="after")
+    def _is_a_function(self):
+        if len(self.times) != len(self.values):
+            raise ValueError(
+                f"{len(self.times)} times but {len(self.values)} values; give one value for each time"
+            )
+        for earlier, later in zip(self.times, self.times[1:], strict=False):
+            if later <= earlier:
+                raise ValueError(f"times must increase, but {later} follows {earlier}")
+        return self
+
+
+def _constant_as_history(value: Any) -> Any:
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return {"times": [0.0], "values": [value]}
+    return value
+
+
+Motion = Annotated[History, BeforeValidator(_constant_as_history, json_schema_input_type=float | History)]
+
+
+class MotionComponents(SceneModel):
+    """A constant or a history for each component that is prescribed; the others are free."""
+
+    x: Motion | None = key("along x: a number or {times, values}", default=None)
+    y: Motion | None = key("along y: a number or {times, values}", default=None)
+    z: Motion | None = key("along z: a number or {times, values}", default=None)
+
+    @model_validator(mode="after")
+    def _prescribes(self):
+        if self.x is None and self.y is None and self.z is None:
+            raise ValueError("give at least one of x, y, z")
+        return self
