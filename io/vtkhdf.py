@@ -143,8 +143,12 @@ class ResultFile:
         self._file.flush()
 
     def close(self):
-        """Flush and close."""
+        """Flush, close, and give back the space that was reserved and not used."""
+        self._file.flush()
+        size = self._file.id.get_filesize()
         self._file.close()
+        if os.path.getsize(self.path) > size:
+            os.truncate(self.path, size)
 
     def _reserve(self, added, extra=0):
         """Reserve disk space for the datasets of `added` to grow to the given rows, and `extra` bytes."""
@@ -152,7 +156,7 @@ class ResultFile:
         for dataset, rows in added:
             chunks = math.ceil(rows / dataset.chunks[0]) - math.ceil(len(dataset) / dataset.chunks[0])
             size += max(chunks, 0) * dataset.dtype.itemsize * int(np.prod(dataset.chunks))
-        end = os.path.getsize(self.path)
+        end = self._file.id.get_filesize()  # as HDF5 sees it; what was reserved before and not used is behind
         if not hasattr(os, "posix_fallocate"):
             if shutil.disk_usage(self.path.absolute().parent).free < size:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
