@@ -72,9 +72,9 @@ class Results:
         return yaml.safe_load(self.attributes.get("configuration", "")) or {}
 
     def field(self, name, step=-1, *, time=None):
-        """Field `name`, (n,) or (n, 3) or (n, 6), at output `step`, or at the output nearest to `time` (s)."""
+        """Field `name`, (n,), (n, 3) or (n, 6), at output `step`, or at the output nearest to `time` (s)."""
         if name not in self.fields:
-            raise ResultError(f"{self.path} holds no field {name!r}; it holds {', '.join(self.fields) or 'none'}")
+            raise ResultError(f"{self.path} holds no field {name!r}; there are: {', '.join(self.fields)}")
         return self._rows(f"VTKHDF/PointData/{name}", self.output(step, time))
 
     def positions(self, step=-1, *, time=None):
@@ -101,7 +101,7 @@ class Results:
         """Global figure `name` (m,) over all recorded steps; 'step' and 'time' are among the names."""
         history = self._file["History"]
         if name not in history:
-            raise ResultError(f"{self.path} holds no history {name!r}; it holds {', '.join(history) or 'none'}")
+            raise ResultError(f"{self.path} holds no history {name!r}; there are: {', '.join(history)}")
         return history[name][: min(len(dataset) for dataset in history.values())]
 
     def output(self, step=-1, time=None):
@@ -110,7 +110,8 @@ class Results:
             raise ResultError(f"{self.path} holds no output yet")
         if time is not None:
             if not self.times[0] <= time <= self.times[-1]:
-                raise ResultError(f"{self.path}: time {time} s is outside {self.times[0]} ... {self.times[-1]} s")
+                raise ResultError(f"{self.path}: time {time} s is outside {self.times[0]} ... "
+                                  f"{self.times[-1]} s")
             return int(np.argmin(np.abs(self.times - time)))
         if not -len(self) <= step < len(self):
             raise ResultError(f"{self.path}: output {step} of {len(self)}; allowed are {-len(self)} ... "
@@ -126,19 +127,18 @@ class Results:
             import xarray
         except ImportError:
             raise ImportError("to_xarray needs the package xarray: pip install xarray") from None
-        all_ids = np.unique(np.concatenate([self.ids(k) for k in range(len(self))])) if len(self) else np.empty(0)
-        variables = {"position": (self.positions, ("x", "y", "z"), "m")}
-        for name in self.fields:
-            variables[name] = (lambda k, name=name: self.field(name, k), self.components(name), self.unit(name))
-        dataset = xarray.Dataset(coords={"time": self.times, "id": all_ids, "step": ("time", self.steps)})
-        for name, (read, components, unit) in variables.items():
-            values = np.full((len(self), len(all_ids), *([len(components)] if components else [])), np.nan)
-            for k in range(len(self)):
-                values[k, np.searchsorted(all_ids, self.ids(k))] = read(k)
-            axes = {3: ("axis",), 6: ("component",)}.get(len(components), ())
-            dataset[name] = (("time", "id", *axes), values, {"units": unit})
-            if components:
-                dataset.coords[axes[0]] = list(components)
+        outputs = range(len(self))
+        ids = np.unique(np.concatenate([self.ids(k) for k in outputs] or [[]]))
+        dataset = xarray.Dataset(coords={"time": self.times, "id": ids, "step": ("time", self.steps)})
+        for name in ("Points", *(f"PointData/{field}" for field in self.fields)):
+            stored = self._file[f"VTKHDF/{name}"]
+            values = np.full((len(self), len(ids), *stored.shape[1:]), np.nan)
+            for k in outputs:
+                values[k, np.searchsorted(ids, self.ids(k))] = self._rows(f"VTKHDF/{name}", k)
+            axes = () if stored.ndim == 1 else ("axis",) if stored.shape[1] == 3 else ("component",)
+            short = name.removeprefix("PointData/").replace("Points", "position")
+            dataset[short] = (("time", "id", *axes), values, {"units": stored.attrs.get("unit", "")})
+            dataset = dataset.assign_coords({axis: list(stored.attrs["components"]) for axis in axes})
         return dataset
 
     def _rows(self, name, k):
