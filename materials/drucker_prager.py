@@ -1,0 +1,185 @@
+"""Elastic, perfectly plastic Drucker-Prager soil with an exact return to cone, cut-off and their edge.
+
+Yield f = sqrt(J2) + eta p - xi c, flow potential sqrt(J2) + eta_bar p, p positive in tension (Drucker &
+Prager 1952). eta, xi and eta_bar follow from Mohr-Coulomb's c, phi and psi (de Souza Neto, Peric & Owen 2008,
+section 6.4); `_plane_strain_cone` generalises their plane strain match to psi != phi.
+"""
+
+import math
+from typing import Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from periporo.core.jit import kernel
+from periporo.materials.base import MaterialParameters
+from periporo.materials.protocol import StateField
+
+_PRESSURE, _DENSITY, _DEGREES = ({"unit": u} for u in ("Pa", "kg/m^3", "deg"))
+
+DISSIPATION = StateField("dissipation", "J/m^3")
+
+
+class DruckerPrager(MaterialParameters):
+    """Drucker-Prager cone fitted to Mohr-Coulomb; friction 0 is von Mises with undrained strength c.
+
+    The mean stress is cut off at the apex of the cone, or at `tension_cutoff` if that is lower, so that a
+    cone without dilation is returned from tension as well.
+    """
+
+    density: float = Field(gt=0, description="dry bulk density", json_schema_extra=_DENSITY)
+    bulk_modulus: float = Field(gt=0, description="bulk modulus K", json_schema_extra=_PRESSURE)
+    shear_modulus: float = Field(gt=0, description="shear modulus mu", json_schema_extra=_PRESSURE)
+    cohesion: float = Field(ge=0, description="cohesion c of Mohr-Coulomb", json_schema_extra=_PRESSURE)
+    friction_angle: float = Field(
+        ge=0, lt=90, description="angle of friction phi of Mohr-Coulomb", json_schema_extra=_DEGREES
+    )
+    dilation_angle: float = Field(
+        0.0, ge=0, lt=90, description="angle of dilation psi", json_schema_extra=_DEGREES
+    )
+    match: Literal["plane_strain", "compression", "extension", "inscribed"] = Field(
+        "plane_strain", description="where the cone meets Mohr-Coulomb"
+    )
+    tension_cutoff: float | None = Field(
+        None, ge=0, description="largest mean stress", json_schema_extra=_PRESSURE
+    )
+    report_dissipation: bool = Field(False, description="keep the plastic work of the last step in the state")
+
+    @model_validator(mode="after")
+    def _possible_strength(self):
+        if self.cohesion == 0 and self.friction_angle == 0:
+            raise ValueError("cohesion and friction_angle are both 0: the material would have no strength")
+        if self.dilation_angle > self.friction_angle:
+            raise ValueError(
+                f"dilation_angle ({self.dilation_angle:g}) must not exceed friction_angle "
+                f"({self.friction_angle:g}): flow would create energy"
+            )
+        return self
+
+    @classmethod
+    def example(cls) -> Self:
+        """A dense sand with a little cohesion."""
+        return cls(
+            density=1700.0,
+            bulk_modulus=25e6,
+            shear_modulus=15e6,
+            cohesion=1e3,
+            friction_angle=35.0,
+            dilation_angle=5.0,
+        )
+
+    @property
+    def state_fields(self) -> tuple[StateField, ...]:
+        """`dissipation` if it is reported."""
+        return (DISSIPATION,) if self.report_dissipation else ()
+
+    @property
+    def cone(self) -> tuple[float, float, float]:
+        """eta, xi c in Pa and eta_bar of the yield function and the flow potential."""
+        phi, dilation = math.radians(self.friction_angle), _dilation(math.radians(self.dilation_angle))
+        match self.match:
+            case "compression":
+                eta, xi = _edge_cone(phi, 1.0)
+            case "extension":
+                eta, xi = _edge_cone(phi, -1.0)
+            case "inscribed":
+                eta, xi = _plane_strain_cone(phi, _dilation(phi))
+            case "plane_strain":
+                eta, xi = _plane_strain_cone(phi, dilation)
+        return eta, xi * self.cohesion, dilation
+
+    @property
+    def largest_mean_stress(self) -> float:
+        """Mean stress in Pa at the cut-off or the apex, whichever is lower; infinite for von Mises."""
+        eta, strength, _ = self.cone
+        apex = strength / eta if eta > 0 else math.inf
+        return apex if self.tension_cutoff is None else min(apex, self.tension_cutoff)
+
+    def initial_state(self, stress, ids, volume):
+        """No memory: (n, 0), or (n, 1) zeros of dissipation."""
+        return np.zeros((len(stress), len(self.state_fields)))
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        """Advance `stress` (n, 4|6) Pa by `strain_increment` in place; `dt` plays no part."""
+        eta, strength, dilation = self.cone
+        limit = self.largest_mean_stress
+        edge = max(strength - eta * limit, 0.0) if math.isfinite(limit) else strength
+        _advance(
+            self.bulk_modulus, self.shear_modulus, eta, strength, dilation, limit, edge, stress,
+            strain_increment, state, self.report_dissipation,
+        )  # fmt: skip
+
+    def elastic_moduli(self, stress, state):
+        """Constant moduli, two (n,) arrays in Pa."""
+        n = len(stress)
+        return np.full(n, self.bulk_modulus), np.full(n, self.shear_modulus)
+
+    def yield_surface(self, stress_row, state_row):
+        """Points (p, q) in Pa of the meridian from the largest mean stress to beyond the given stress."""
+        eta, strength, _ = self.cone
+        p_now = float(np.mean(stress_row[:3]))
+        high = self.largest_mean_stress
+        high = high if math.isfinite(high) else max(0.0, p_now)
+        p = np.array([high, high, min(1.5 * p_now, -abs(high), -strength)])
+        q = math.sqrt(3.0) * (strength - eta * p)
+        q[0] = 0.0
+        return p, q
+
+
+def _dilation(psi: float) -> float:
+    """eta_bar that gives the angle of dilation psi in plane strain."""
+    return math.sqrt(3.0) * math.sin(psi) / math.sqrt(3.0 + math.sin(psi) ** 2)
+
+
+def _edge_cone(phi: float, sign: float) -> tuple[float, float]:
+    """eta, xi of the cone through the compression (sign 1) or extension (-1) edges of Mohr-Coulomb."""
+    factor = 6.0 / (math.sqrt(3.0) * (3.0 - sign * math.sin(phi)))
+    return factor * math.sin(phi), factor * math.cos(phi)
+
+
+def _plane_strain_cone(phi: float, dilation: float) -> tuple[float, float]:
+    """eta, xi that fail as Mohr-Coulomb does in plane strain, for flow with eta_bar = `dilation`.
+
+    Plastic strain out of plane vanishes at failure, s_zz = -2/3 eta_bar sqrt(J2). The radius of Mohr's circle
+    is then R = sqrt(J2) sqrt(1 - eta_bar^2/3), its centre p + eta_bar sqrt(J2)/3, and R = c cos(phi) - centre
+    sin(phi) gives both. With psi = phi this is the textbook's 3 tan(phi)/sqrt(9 + 12 tan(phi)^2), which is
+    also the inscribed cone.
+    """
+    divisor = math.sqrt(1.0 - dilation**2 / 3.0) + dilation * math.sin(phi) / 3.0
+    return math.sin(phi) / divisor, math.cos(phi) / divisor
+
+
+@kernel
+def _advance(bulk, shear, eta, strength, dilation, limit, edge, stress, strain_increment, state, reports):
+    """Hooke's law and return; `limit` is the largest mean stress, `edge` sqrt(J2) of the cone there."""
+    components = stress.shape[1]
+    for b in range(stress.shape[0]):
+        volumetric = strain_increment[b, 0] + strain_increment[b, 1] + strain_increment[b, 2]
+        lame = (bulk - 2.0 / 3.0 * shear) * volumetric
+        for k in range(3):
+            stress[b, k] += lame + 2.0 * shear * strain_increment[b, k]
+        p_trial = (stress[b, 0] + stress[b, 1] + stress[b, 2]) / 3.0
+        j2 = 0.5 * (
+            (stress[b, 0] - p_trial) ** 2 + (stress[b, 1] - p_trial) ** 2 + (stress[b, 2] - p_trial) ** 2
+        )
+        for k in range(3, components):
+            stress[b, k] += 2.0 * shear * strain_increment[b, k]
+            j2 += stress[b, k] ** 2
+        root = math.sqrt(j2)
+        if reports:
+            state[b, 0] = 0.0
+        excess = root + eta * p_trial - strength
+        if not (excess > 0.0 or p_trial > limit):
+            continue
+
+        flow = max(excess, 0.0) / (shear + bulk * eta * dilation)
+        p, new_root = p_trial - bulk * dilation * flow, root - shear * flow
+        if p > limit:
+            p, new_root = limit, min(root, edge)
+        scale = new_root / root if root > 0.0 else 0.0
+        for k in range(3):
+            stress[b, k] = p + scale * (stress[b, k] - p_trial)
+        for k in range(3, components):
+            stress[b, k] *= scale
+        if reports:
+            state[b, 0] = p * (p_trial - p) / bulk + new_root * (root - new_root) / shear
