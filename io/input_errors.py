@@ -99,10 +99,13 @@ def described(value: Any) -> str:
             return shorten(repr(value), 40)
 
 
-def nearest(word: Any, allowed: Iterable[str]) -> str | None:
-    """The member of `allowed` that `word` most likely stands for, or None; case does not matter."""
+def nearest(word: Any, allowed: Iterable[str], cutoff: float = 0.6) -> str | None:
+    """The member of `allowed` that `word` most likely stands for, or None; case does not matter.
+
+    `cutoff` is the least similarity, from 0 (anything) to 1 (equal).
+    """
     by_lower = {name.lower(): name for name in allowed}
-    found = difflib.get_close_matches(str(word)[:80].lower(), by_lower, n=1)
+    found = difflib.get_close_matches(str(word)[:80].lower(), by_lower, n=1, cutoff=cutoff)
     return by_lower[found[0]] if found else None
 
 

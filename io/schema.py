@@ -1,5 +1,7 @@
 """The scene: its input model, and reading it from a YAML file or a dictionary."""
 
+from copy import deepcopy
+from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any, Literal
 
@@ -194,7 +196,7 @@ def _checked(data: Any, folder: Path, source: YamlSource | None) -> SceneInput:
     try:
         scene = SceneInput.model_validate(data, context={"folder": folder})
     except ValidationError as error:
-        problems += problems_of(error, SceneInput.model_json_schema(), data)
+        problems += problems_of(error, _cached_schema(), data)
     if scene is not None and not problems:
         problems += scene_problems(scene)
     if problems:
@@ -222,6 +224,11 @@ def _plain(value: Any, depth: int = 0) -> Any:
     return value
 
 
+@cache
+def _cached_schema() -> dict[str, Any]:
+    return SceneInput.model_json_schema()
+
+
 def scene_json_schema() -> dict[str, Any]:
     """JSON Schema of a scene, with descriptions and units, for editors and for the reference."""
-    return SceneInput.model_json_schema()
+    return deepcopy(_cached_schema())

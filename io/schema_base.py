@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, StringConstraints, model_validator
 
 MAX_LENGTH = 1e7  # m
+MAX_TIME = 1e10  # s
 MAX_SPEED = 1e5  # m/s
 MAX_STRESS = 1e13  # Pa
 MAX_ACCELERATION = 1e6  # m/s^2
@@ -42,6 +43,7 @@ Integer = Annotated[int, Strict()]
 Flag = Annotated[bool, Strict()]
 Coordinate = _bounded(MAX_LENGTH)
 Pressure = _bounded(MAX_STRESS)
+Time = _bounded(MAX_TIME)
 Position = _vector(Coordinate)
 OpenPosition = _vector(Coordinate | None)
 Velocity = _vector(_bounded(MAX_SPEED))
@@ -69,7 +71,7 @@ class Region(SceneModel):
 class History(SceneModel):
     """A value over time, linear between the times given, constant before the first and after the last."""
 
-    times: tuple[Real, ...] = key("times, increasing", "s", min_length=1, max_length=100_000)
+    times: tuple[Time, ...] = key("times, increasing", "s", min_length=1, max_length=100_000)
     values: tuple[_bounded(MAX_LENGTH), ...] = key("values at these times", min_length=1, max_length=100_000)
 
     @model_validator(mode="after")

@@ -99,6 +99,15 @@ class Polygon(SceneModel):
     vertices: tuple[PlanePoint, ...] = key("corners [x, y] in order", "m", min_length=3, max_length=10_000)
     extrude: PlanePoint | None = key("[lowest, highest] z, in 3D only", "m", default=None)
 
+    @model_validator(mode="after")
+    def _has_an_inside(self):
+        (x0, y0), *others = self.vertices
+        x1, y1 = max(others, key=lambda v: abs(v[0] - x0) + abs(v[1] - y0))
+        size = abs(x1 - x0) + abs(y1 - y0)
+        if all(abs((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) <= 1e-12 * size**2 for x, y in others):
+            raise ValueError("the vertices lie on one line; a polygon needs an inside")
+        return self
+
 
 class Points(SceneModel):
     """Points from a file: CSV headed x,y[,z][,volume], or .vtk, .vtu, .vtp (needs the vtk package)."""

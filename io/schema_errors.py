@@ -51,7 +51,7 @@ def problems_of(error: ValidationError, schema: dict[str, Any], data: Any) -> li
             problems.append(Problem(path, f"unknown key; {choice(path[-1], allowed)}"))
     for path, finding in findings:
         if finding["type"] != "extra_forbidden" and path not in explained:
-            problems.append(Problem(path, _message(finding, _node(schema, path, data))))
+            problems.append(Problem(_place(path, finding), _message(finding, _node(schema, path, data))))
     return problems
 
 
@@ -130,6 +130,28 @@ def _resolved(schema: dict[str, Any], node: Any, value: Any) -> dict[str, Any]:
     return node
 
 
+def _place(path: Path, finding: dict[str, Any]) -> Path:
+    """Path to show for a finding; what is wrong with a 'type' is found one level above it."""
+    if finding["type"] == "union_tag_invalid":
+        return (*path, "type")
+    written = _misspelt(finding)
+    if finding["type"] == "missing" and written:
+        return (*path[:-1], written)
+    return (*path, written) if written else path
+
+
+def _misspelt(finding: dict[str, Any]) -> str | None:
+    """The key that stands in place of a missing 'type' or 'model', if any.
+
+    Only these two can be misspelt without being reported as unknown.
+    """
+    if finding["type"] == "union_tag_not_found":
+        return nearest("type", map(str, finding["input"]))
+    if finding["type"] == "missing" and finding["loc"][-1] == "model":
+        return nearest("model", map(str, finding["input"]), cutoff=0.8)
+    return None
+
+
 def _allowed_keys(schema: dict[str, Any], path: Path, data: Any) -> list[str]:
     return list(_node(schema, path, data).get("properties", {}))
 
@@ -142,12 +164,13 @@ def _meaning(node: dict[str, Any]) -> str:
 
 def _message(finding: dict[str, Any], node: dict[str, Any]) -> str:
     kind, value, context = finding["type"], finding["input"], finding.get("ctx", {})
+    if kind == "missing" and _misspelt(finding):
+        return "unknown key; did you mean 'model'?"
     if kind == "missing":
         return f"this key is missing{_meaning(node)}"
     if kind == "union_tag_not_found":
-        near = nearest("type", map(str, value))
-        written = f" (is it written '{near}'?)" if near else ""
-        return f"the key 'type' is missing{written}; its value is one of {', '.join(node['tags'])}"
+        what = "unknown key; did you mean 'type'?" if _misspelt(finding) else "the key 'type' is missing;"
+        return f"{what} Allowed values of 'type': {', '.join(node['tags'])}"
     if kind == "union_tag_invalid":
         return _option(value["type"], node["tags"]) + _meaning(node)
     if kind == "literal_error":
@@ -177,8 +200,10 @@ def _option(value: Any, allowed: list[str]) -> str:
 
 
 def _is_quoted_number(value: Any) -> bool:
+    if not isinstance(value, str):
+        return False
     try:
         float(value)
-    except (TypeError, ValueError):
+    except ValueError:
         return False
-    return isinstance(value, str)
+    return True

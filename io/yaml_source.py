@@ -97,11 +97,7 @@ def parse_yaml(text: str, name: str = "<text>") -> YamlSource:
         for event in yaml.parse(text, Loader=_LOADER):
             builder.accept(event)
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        before = text.split("\n")[mark.line][: mark.column + 1] if mark else ""
-        hint = "; indent with spaces, not tabs" if "\t" in before else ""
-        line = mark.line + 1 if mark else None
-        raise _failure(name, f"not valid YAML: {error.problem}{hint}", line) from None
+        raise _syntax_failure(name, text, error) from None
     except yaml.reader.ReaderError as error:
         line = text[: error.position].count("\n") + 1
         message = f"the character {error.character!r} is not allowed in YAML"
@@ -113,6 +109,18 @@ def parse_yaml(text: str, name: str = "<text>") -> YamlSource:
 
 def _failure(name: str, message: str, line: int | None = None) -> InputError:
     return InputError(name, [Problem((), message, line)])
+
+
+def _syntax_failure(name: str, text: str, error: yaml.MarkedYAMLError) -> InputError:
+    message, line = f"not valid YAML: {error.problem}", None
+    if error.context and error.context_mark:
+        message += f" ({error.context} that starts in line {error.context_mark.line + 1})"
+    if error.problem_mark:
+        lines = text.splitlines() or [""]
+        line = min(error.problem_mark.line + 1, len(lines))
+        if "\t" in lines[line - 1][: error.problem_mark.column + 1]:
+            message += "; indent with spaces, not tabs"
+    return _failure(name, message, line)
 
 
 class _Builder:
