@@ -1,0 +1,239 @@
+"""Advance of one row over a strain increment: substeps, error control, damage and overstress.
+
+The deviators of a step stay in the plane of the initial deviator s and the strain deviator e, so a row is
+integrated as six scalars (I1, u, w, evp, p, X_eff), whatever the number of stored components.
+
+A plastic substep is a two-stage diagonally implicit Runge-Kutta step (Alexander 1977) whose stages are
+returns to the surface, with moduli frozen at the mean of both ends; the ends come from a first return over
+the whole substep, whose difference to the final result also is the error that controls the step.
+"""
+
+import math
+from typing import NamedTuple
+
+from periporo.core.jit import inlined
+from periporo.materials.arena.elasticity import fluid_stiffens, moduli
+from periporo.materials.arena.pores import harden
+from periporo.materials.arena.returns import backward_euler, crossing
+from periporo.materials.arena.surface import is_elastic, weakened_surface
+
+_GAMMA = 1.0 - math.sqrt(0.5)  # stage length that makes the two stages second order and L-stable
+_EXTRAPOLATION = (1.0 - 2.0 * _GAMMA) / _GAMMA  # from the end of stage one to where stage two starts
+_PREDICTOR_TOLERANCE = 1e-3
+_STAGE_TOLERANCE = 1e-6
+_ON_SURFACE = 1e-7
+_MODULUS_CHANGE = 0.2  # largest relative change of K in a substep
+_COMPACTION_SHARE = 0.1  # largest share of the remaining compaction in a substep
+_SMALLEST_STEP = 1e-9
+_MAX_SUBSTEPS = 200000
+
+
+class Control(NamedTuple):
+    """Accuracy of the integration and the parts that are switched on."""
+
+    tolerance: float
+    fixed_substeps: int
+    stress_scale: float
+    relaxation_time: float  # T1
+    relaxation_power: float  # T2
+    damage: bool
+
+
+@inlined
+def _norm(i1, u, w):
+    return math.sqrt(i1 * i1 / 3.0 + u * u + w * w)
+
+
+@inlined
+def _error(low, high, scale):
+    """Difference of two results: effective stress and pore pressure, each relative to its size."""
+    effective = high[0] + 3.0 * high[4]
+    size = _norm(effective, high[1], high[2]) + scale
+    gap = _norm(effective - low[0] - 3.0 * low[4], high[1] - low[1], high[2] - low[2])
+    return gap / size + abs(high[4] - low[4]) / (size + high[4])
+
+
+@inlined
+def _two_stages(c, y_stage, y, bulk, shear, state, tr, e1, e2, guess):
+    """Second-order plastic step with frozen moduli; `guess` is the plastic volume of the whole step."""
+    share = _GAMMA
+    one = backward_euler(
+        c, y_stage, bulk, shear, state, share * tr, share * e1, share * e2, share * guess, _STAGE_TOLERANCE
+    )
+    g = _EXTRAPOLATION
+    evp = one[3] + g * (one[3] - state[3])
+    if evp >= c.p3 - 0.5 * (c.p3 - state[3]):  # no room left in the pores for an extrapolation
+        return backward_euler(c, y, bulk, shear, state, tr, e1, e2, guess, _STAGE_TOLERANCE)
+    p, _, strength, _ = harden(c, evp, max(one[4] + g * (one[4] - state[4]), 0.0))
+    base = (
+        one[0] + g * (one[0] - state[0]),
+        one[1] + g * (one[1] - state[1]),
+        one[2] + g * (one[2] - state[2]),
+        evp,
+        p,
+        strength,
+    )
+    return backward_euler(
+        c, y, bulk, shear, base, share * tr, share * e1, share * e2, one[3] - state[3], _STAGE_TOLERANCE
+    )
+
+
+@inlined
+def _yielding_share(bulk, shear, start, end, tr, e1, e2):
+    """|plastic strain increment| / |strain increment| of a substep, at most 1."""
+    i1 = start[0] + 3.0 * bulk * tr - end[0]
+    u = start[1] + 2.0 * shear * e1 - end[1]
+    w = start[2] + 2.0 * shear * e2 - end[2]
+    plastic = _norm(i1 / (3.0 * bulk), u / (2.0 * shear), w / (2.0 * shear))
+    total = _norm(tr, e1, e2)
+    return min(plastic / total, 1.0) if total > 0.0 else 0.0
+
+
+@inlined
+def _plastic_substep(m, c, control, strength, y, factor, growth, dt, k0, g0, state, tr, e1, e2):
+    """One substep that yields: new state, mean moduli used, error, new growth time."""
+    first = backward_euler(c, y, k0, g0, state, tr, e1, e2, 0.0, _PREDICTOR_TOLERANCE)
+    k1, g1 = moduli(m, c, first[0] + 3.0 * first[4], first[4], first[3], tr < 0.0)
+    bulk = 0.5 * (k0 + k1)
+    shear = 0.5 * (g0 + g1)
+    x = first[3] - state[3]
+    if control.damage:
+        rise = dt * _yielding_share(k0, g0, state, first, tr, e1, e2)
+        y_stage = weakened_surface(strength, factor, growth + _GAMMA * rise)
+        y_end = weakened_surface(strength, factor, growth + rise)
+        end = _two_stages(c, y_stage, y_end, bulk, shear, state, tr, e1, e2, x)
+        growth += dt * _yielding_share(bulk, shear, state, end, tr, e1, e2)
+    else:
+        end = _two_stages(c, y, y, bulk, shear, state, tr, e1, e2, x)
+    error = _error(first, end, control.stress_scale) / control.tolerance
+    change = abs(k1 - k0) / (_MODULUS_CHANGE * max(k0, k1))
+    compaction = (end[3] - state[3]) / (_COMPACTION_SHARE * (c.p3 - state[3]))
+    return end, bulk, shear, max(error, change * change, compaction), growth
+
+
+@inlined
+def mean_moduli(m, c, state, k0, tr):
+    """Moduli at the middle of an elastic step that starts with the bulk modulus `k0`."""
+    start = state[0] + 3.0 * state[4]
+    middle = start + 1.5 * k0 * tr
+    if start * middle < 0.0:
+        middle = 0.0  # on the side of the start; a kink in between is split off by the caller
+    return moduli(m, c, middle, state[4], state[3], start < 0.0 or (start == 0.0 and tr < 0.0))
+
+
+@inlined
+def _kink_share(m, c, k0, state, tr):
+    """Share of an elastic step up to the jump of K at I1_eff = 0 of a wet soil; 1 if it meets none."""
+    i1 = state[0] + 3.0 * state[4]
+    rise = 3.0 * k0 * tr
+    if c.saturation == 0.0 or i1 * (i1 + rise) >= 0.0:
+        return 1.0
+    if fluid_stiffens(m, c, i1, state[4], False) == fluid_stiffens(m, c, -i1, state[4], False):
+        return 1.0
+    beyond = 1e-9 * abs(i1) + 1e-15 * (abs(state[0]) + 3.0 * state[4])
+    return min((abs(i1) + beyond) / abs(rise), 1.0)
+
+
+@inlined
+def _elastic_part(m, c, y, state, k0, g0, tr, e1, e2):
+    """Elastic move up to the first event, the jump of K at I1_eff = 0 or the yield surface.
+
+    Returns the new state, the share of the increment that was used, whether the surface stopped it, and
+    the stress that the change of the moduli makes out.
+    """
+    share = _kink_share(m, c, k0, state, tr)
+    hit = False
+    for _ in range(2):
+        bulk, shear = mean_moduli(m, c, state, k0, share * tr)
+        di1 = 3.0 * bulk * share * tr
+        du = 2.0 * shear * share * e1
+        dw = 2.0 * shear * share * e2
+        i1 = state[0] + 3.0 * state[4]
+        u = state[1] + du
+        w = state[2] + dw
+        if hit or is_elastic(y, i1 + di1, 0.5 * (u * u + w * w), state[5], 0.0):
+            break
+        hit = True
+        share *= crossing(y, i1, di1, state[1], du, state[2], dw, state[5])
+    gap = share * _norm(3.0 * (bulk - k0) * tr, 2.0 * (shear - g0) * e1, 2.0 * (shear - g0) * e2)
+    return (state[0] + di1, u, w, state[3], state[4], state[5]), share, hit, gap
+
+
+@inlined
+def _relax(control, over, push, memory, rate_time):
+    """Overstress after a substep in which the plastic strain would have added `push` (eq. 136)."""
+    decay = math.exp(-rate_time)
+    gain = -math.expm1(-rate_time) / rate_time if rate_time > 0.0 else 1.0
+    return (
+        decay * over[0] + gain * push[0],
+        decay * over[1] + gain * push[1],
+        decay * over[2] + gain * push[2],
+    ), decay * memory
+
+
+@inlined
+def advance(m, c, y, strength, factor, control, state, growth, dt, tr, e1, e2):
+    """Advance `state` by a strain increment over `dt` s.
+
+    Returns the state, the growth time of damage, the new overstress (I1, u, w), the share that is left of
+    the old one, and whether all went well.
+    """
+    over = (0.0, 0.0, 0.0)
+    viscous = control.relaxation_time > 0.0 and dt < math.inf
+    memory = 1.0 if viscous else 0.0
+    per_step = 0.0  # time step over relaxation time, dt / (T1 rate^-T2)
+    if viscous:
+        rate = _norm(tr, e1, e2) / dt
+        per_step = dt * rate**control.relaxation_power / control.relaxation_time
+    adaptive = control.fixed_substeps == 0
+    largest = 1.0 if adaptive else 1.0 / control.fixed_substeps
+    h = largest
+    done = 0.0
+    substeps = 0
+    while done < 1.0:
+        h = min(h, 1.0 - done)
+        if 1.0 - done - h < 1e-12:
+            h = 1.0 - done
+        dtr, d1, d2 = h * tr, h * e1, h * e2
+        i1 = state[0] + 3.0 * state[4]
+        if control.damage:
+            y = weakened_surface(strength, factor, growth)
+        k0, g0 = moduli(m, c, i1, state[4], state[3], tr < 0.0)
+        push = (0.0, 0.0, 0.0)
+        j2 = 0.5 * (state[1] * state[1] + state[2] * state[2])
+        new, share, hit, gap = _elastic_part(m, c, y, state, k0, g0, dtr, d1, d2)
+        if hit and not is_elastic(y, i1, j2, state[5], -_ON_SURFACE):
+            share = 0.0
+        error = 0.0
+        new_growth = growth
+        if share > 0.0:
+            size = _norm(new[0] + 3.0 * new[4], new[1], new[2]) + control.stress_scale
+            error = gap / (size * control.tolerance)
+        else:
+            share = 1.0
+            substep_time = h * dt if dt < math.inf else 0.0
+            new, bulk, shear, error, new_growth = _plastic_substep(
+                m, c, control, strength, y, factor, growth, substep_time, k0, g0, state, dtr, d1, d2
+            )
+            push = (
+                state[0] + 3.0 * bulk * dtr - new[0],
+                state[1] + 2.0 * shear * d1 - new[1],
+                state[2] + 2.0 * shear * d2 - new[2],
+            )
+        substeps += 1
+        if not math.isfinite(new[0] + new[1] + new[2] + new[3] + new[4]) or substeps > _MAX_SUBSTEPS:
+            if not adaptive or h <= _SMALLEST_STEP or substeps > _MAX_SUBSTEPS:
+                return state, growth, over, memory, False
+            h *= 0.25
+            continue
+        if adaptive and error > 1.0 and h > _SMALLEST_STEP:
+            h *= max(0.9 / math.sqrt(error), 0.1)
+            continue
+        state = new
+        growth = new_growth
+        if viscous:
+            over, memory = _relax(control, over, push, memory, share * h * per_step)
+        done += share * h
+        h = min(share * h * min(0.9 / math.sqrt(error + 1e-4), 5.0), 1.0) if share == 1.0 and adaptive else h
+        h = min(h, largest)
+    return state, growth, over, memory, True

@@ -1,0 +1,234 @@
+"""Arena: partially saturated sand and soil with cap plasticity, rate dependence, damage and variability."""
+
+import math
+from functools import cached_property
+
+import numpy as np
+
+from periporo.core import tensors
+from periporo.materials.arena import pores as pore_space
+from periporo.materials.arena.elasticity import Elasticity, fill_moduli
+from periporo.materials.arena.integrate import Control
+from periporo.materials.arena.kernel import EVP, FAILURES, PRESSURE, STRENGTH, fill_initial, update_rows
+from periporo.materials.arena.parameters import ArenaParameters
+from periporo.materials.arena.pores import Pores, fill_pores
+from periporo.materials.arena.surface import Strength, Surface, coefficients, squared_limit, weakened_surface
+from periporo.materials.arena.variability import strength_factors
+from periporo.materials.protocol import StateField
+
+_STRESS_SCALE = 1.0  # share of p0 that the error control counts as stress
+
+
+class Arena(ArenaParameters):
+    """Arena soil model (Arena manual, Banerjee & Brannon 2017) with the corrections of docs/arena.md.
+
+    Stress is total stress, tension positive; the model owns its pore pressure. State columns: volumetric
+    plastic strain (compaction positive), pore pressure, compressive strength X (I1 of total stress,
+    negative), number of failed updates, and where switched on the damage time, the strength factor and the
+    quasi-static stress.
+    """
+
+    @property
+    def rate_dependent(self) -> bool:
+        """Whether the stress can exceed the quasi-static one."""
+        return self.T1 > 0
+
+    @property
+    def state_fields(self) -> tuple[StateField, ...]:
+        """The state's columns; parts that are switched off have none."""
+        fields = [
+            StateField("volumetric_plastic_strain", "1"),
+            StateField("pore_pressure", "Pa"),
+            StateField("compressive_strength", "Pa", merge="log_mean"),
+            StateField("failed_updates", "1"),
+        ]
+        if self.do_damage:
+            fields.append(StateField("damage_time", "s"))
+        if self.do_variability:
+            fields.append(StateField("strength_factor", "1", merge="log_mean"))
+        if self.rate_dependent:
+            fields.append(StateField("quasistatic_stress", "Pa", kind="tensor"))
+        return tuple(fields)
+
+    @cached_property
+    def _columns(self) -> tuple[int, int, int]:
+        """Columns of damage time, strength factor and quasi-static stress; -1 for those without."""
+        names = [f.name for f in self.state_fields]
+        optional = ("damage_time", "strength_factor", "quasistatic_stress")
+        return tuple(names.index(n) if n in names else -1 for n in optional)
+
+    @cached_property
+    def _elasticity(self) -> Elasticity:
+        return Elasticity(
+            *(float(v) for v in (self.b0, self.b1, self.b2, self.b3, self.b4, self.G0, self.nu1, self.nu2)),
+            self.density_factor,
+            self.density_scaling == "total",
+            self.shear_modulus_in_tension == "poisson",
+            self.undrained_unloading == "fluid",
+            self.use_disaggregation_algorithm,
+        )
+
+    @cached_property
+    def _pores(self) -> Pores:
+        pores = Pores(
+            float(self.initial_porosity),
+            float(self.initial_saturation),
+            float(self.initial_fluid_pressure),
+            self.water_strain == "logarithmic",
+            math.nan,
+            float(self.p0),
+            self.scaled_p1,
+            1.0 / self.p2,
+            self.p3,
+            float(self.p1_sat),
+            max(float(self.p0), 1000.0),
+        )
+        air = (1.0 - self.initial_saturation) * pore_space.air_volume(pores, 0.0)
+        water = self.initial_saturation * pore_space.water_volume(pores, 0.0)[0]
+        return pores._replace(open_volume=air + water)
+
+    @cached_property
+    def _strength(self) -> Strength:
+        return Strength(
+            *(float(v) for v in self.intact_strength() + self.failed_strength()),
+            float(self.fspeed),
+            float(self.time_at_failure),
+            float(self.CR),
+            1.5 * self.BETA**2,
+        )
+
+    @cached_property
+    def _surface(self) -> Surface:
+        """Surface of a row without damage and variability."""
+        a = coefficients(*(float(v) for v in self.intact_strength()))
+        return Surface(*a, float(self.PEAKI1), float(self.CR), 1.5 * self.BETA**2)
+
+    @cached_property
+    def _control(self) -> Control:
+        return Control(
+            float(self.tolerance),
+            self.substeps,
+            _STRESS_SCALE * float(self.p0),
+            float(self.T1),
+            float(self.T2),
+            self.do_damage,
+        )
+
+    def initial_state(self, stress: np.ndarray, ids: np.ndarray, volume: np.ndarray) -> np.ndarray:
+        """State (n, k) of rows that start at the total `stress` (n, 4|6) Pa.
+
+        Rows without any stress are set to minus the initial fluid pressure, in place. A stress beyond the
+        virgin surface gets the volumetric plastic strain whose cap encloses it (normally consolidated).
+        Raises ValueError where no cap can, and where a strength factor leaves no valid yield surface.
+        """
+        n, components = stress.shape
+        if self.initial_fluid_pressure > 0:
+            stress[np.ix_(~stress.any(axis=1), range(3))] = -self.initial_fluid_pressure
+        width = sum(f.columns(components) for f in self.state_fields)
+        state = np.zeros((n, width))
+        _, factor_column, static_column = self._columns
+        if factor_column >= 0:
+            state[:, factor_column] = self._checked_factors(ids, volume)
+        if static_column >= 0:
+            state[:, static_column : static_column + components] = stress
+        i1, j2 = self._invariants(stress)
+        fill_initial(self._pores, self._surface, self._strength, self._columns, i1, j2, state)
+        bad = np.flatnonzero(state[:, FAILURES] != 0)
+        if bad.size:
+            b = bad[0]
+            raise ValueError(
+                f"row {b} (ids {ids[b].tolist()}): initial stress with I1 = {i1[b]:.6g} Pa and sqrt(J2) = "
+                f"{math.sqrt(j2[b]):.6g} Pa lies outside every yield surface (pore pressure "
+                f"{self.initial_fluid_pressure:.6g} Pa); reduce its shear or tension, or raise FSLOPE or PEAKI1"
+            )
+        return state
+
+    def _checked_factors(self, ids, volume):
+        factors = strength_factors(
+            ids, volume, self.weibull_modulus, self.weibull_reference_volume, self.weibull_seed
+        )
+        peak, _, stren, yslope = self.intact_strength()
+        if stren > 0 and (factors.max() * yslope * peak >= stren):
+            raise ValueError(
+                f"strength factor {factors.max():.4g} (size effect and Weibull draw) breaks the rule "
+                f"STREN > YSLOPE * PEAKI1; lower PEAKI1 = {peak} or weibull_reference_volume = "
+                f"{self.weibull_reference_volume} m^3"
+            )
+        return factors
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        """Advance `stress` (n, 4|6) Pa and `state` (n, k) in place by `strain_increment` over `dt` s.
+
+        With infinite `dt` the overstress vanishes and damage does not grow. A row whose update fails keeps
+        its start state; its `failed_updates` column counts it.
+        """
+        update_rows(
+            self._elasticity,
+            self._pores,
+            self._surface,
+            self._strength,
+            self._control,
+            self._columns,
+            stress,
+            strain_increment,
+            state,
+            float(dt),
+        )
+
+    def elastic_moduli(self, stress, state):
+        """Bulk and shear modulus of compressive unloading at the current state, two (n,) arrays in Pa."""
+        i1, _ = self._invariants(self._static_stress(stress, state))
+        pressure = np.ascontiguousarray(state[:, PRESSURE])
+        bulk, shear = np.empty(len(stress)), np.empty(len(stress))
+        evp = np.ascontiguousarray(state[:, EVP])
+        fill_moduli(self._elasticity, self._pores, i1 + 3.0 * pressure, pressure, evp, bulk, shear)
+        return bulk, shear
+
+    def derived_state(self, stress: np.ndarray, state: np.ndarray) -> dict[str, np.ndarray]:
+        """Quantities that follow from the stored ones: porosity, saturation, branch point kappa (I1_eff, Pa).
+
+        With damage also the coherence; without rate dependence also the quasi-static stress, (n, 4|6) Pa,
+        which then is the stress. All others are (n,).
+        """
+        n = len(state)
+        porosity, saturation = np.empty(n), np.empty(n)
+        pressure = np.ascontiguousarray(state[:, PRESSURE])
+        fill_pores(self._pores, np.ascontiguousarray(state[:, EVP]), pressure, porosity, saturation)
+        peak = np.array([self._surface_of(row).peak for row in state])
+        kappa = peak - self.CR * (peak - state[:, STRENGTH] - 3.0 * pressure)
+        derived = {"porosity": porosity, "saturation": saturation, "kappa": kappa}
+        if self.do_damage:
+            time = state[:, self._columns[0]]
+            derived["coherence"] = 1.0 / (1.0 + np.exp(-self.fspeed * (1.0 - time / self.time_at_failure)))
+        if not self.rate_dependent:
+            derived["quasistatic_stress"] = stress.copy()
+        return derived
+
+    def yield_surface(self, stress_row: np.ndarray, state_row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Curve (p, q) in Pa of the current yield surface, for plots over the total stress.
+
+        p is the mean total stress (tension positive), q = sqrt(3 J2); from the cap's nose to the vertex.
+        """
+        pressure = state_row[PRESSURE]
+        strength = state_row[STRENGTH] + 3.0 * pressure
+        surface = self._surface_of(state_row)
+        middle, half = 0.5 * (surface.peak + strength), 0.5 * (surface.peak - strength)
+        i1 = middle - half * np.cos(np.linspace(0.0, np.pi, 201))  # denser at both steep ends
+        square = np.array([squared_limit(surface, value, strength) for value in i1])
+        return i1 / 3.0 - pressure, np.sqrt(3.0 * np.maximum(square, 0.0))
+
+    def _surface_of(self, state_row):
+        time_column, factor_column, _ = self._columns
+        if time_column < 0 and factor_column < 0:
+            return self._surface
+        factor = state_row[factor_column] if factor_column >= 0 else 1.0
+        growth = state_row[time_column] if time_column >= 0 else -1.0
+        return weakened_surface(self._strength, factor, growth)
+
+    def _static_stress(self, stress, state):
+        column = self._columns[2]
+        return state[:, column : column + stress.shape[1]] if column >= 0 else stress
+
+    @staticmethod
+    def _invariants(stress):
+        return 3.0 * tensors.mean(stress), 0.5 * tensors.deviator_norm(stress) ** 2

@@ -1,0 +1,43 @@
+"""Weibull-distributed strength with a size effect, drawn from global ids (Arena manual, appendix F)."""
+
+import math
+
+import numpy as np
+
+
+def uniform_draws(ids: np.ndarray, seed: int) -> np.ndarray:
+    """One number in (0, 1) per global id, the same on every rank count (splitmix64 of id and seed)."""
+    with np.errstate(over="ignore"):
+        z = ids.astype(np.uint64) + np.uint64(1)
+        z += np.uint64(seed) * np.uint64(0xD1342543DE82EF95)
+        z *= np.uint64(0x9E3779B97F4A7C15)
+        z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        z ^= z >> np.uint64(31)
+    return ((z >> np.uint64(11)).astype(float) + 0.5) / 2.0**53
+
+
+def exponential_draws(ids: np.ndarray, seed: int) -> np.ndarray:
+    """Unit-exponential number of each row with the end ids (n, 2).
+
+    A point (equal ids) takes its own draw. A bond is two halves of which the weaker decides: twice the
+    smaller of two unit-exponential numbers is unit-exponential again, so bonds and points have exactly the
+    same distribution (Weibull's weakest link).
+    """
+    first = -np.log(uniform_draws(ids[:, 0], seed))
+    second = -np.log(uniform_draws(ids[:, 1], seed))
+    return np.where(ids[:, 0] == ids[:, 1], first, 2.0 * np.minimum(first, second))
+
+
+def strength_factors(
+    ids: np.ndarray, volume: np.ndarray, modulus: float, reference_volume: float, seed: int
+) -> np.ndarray:
+    """Factor (n,) on all strength parameters: size effect (V_ref/V)^(1/a) times a Weibull number of mean 1.
+
+    `ids` (n, 2), `volume` (n,) m^3. Seed 0 draws nothing: the size effect alone.
+    """
+    size = (reference_volume / volume) ** (1.0 / modulus)
+    if seed == 0:
+        return size
+    draws = exponential_draws(ids, seed)
+    return size * draws ** (1.0 / modulus) / math.gamma(1.0 + 1.0 / modulus)
