@@ -104,7 +104,7 @@ def _timing(results):
         return ""
     parts = json.loads(results.attributes["timing"])
     total = sum(parts.values())
-    rows = [(name.replace("_", " "), seconds, 100 * seconds / total if total else 0.0)
+    rows = [(name.replace("_", " "), seconds, round(100 * seconds / total, 1) if total else 0.0)
             for name, seconds in sorted(parts.items(), key=lambda part: -part[1])]
     return _section("timing", _table(("part", "seconds", "%"), rows)) if rows else ""
 
