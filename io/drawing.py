@@ -215,8 +215,8 @@ def extent_of(results, outputs):
     for k in outputs:
         position = results.positions(k)
         low, high = position.min(axis=0), position.max(axis=0)
-        inner = np.quantile(position, (0.001, 0.999), axis=0)
-        room = 0.5 * np.max(inner[1] - inner[0])  # who is farther off would make the rest too small to see
+        inner = np.quantile(position, (0.01, 0.99), axis=0)
+        room = np.max(inner[1] - inner[0])  # who is farther off would make the rest too small to see
         corners += [np.maximum(low, inner[0] - room), np.minimum(high, inner[1] + room)]
     return np.array([np.min(corners, axis=0), np.max(corners, axis=0)])
 
