@@ -54,7 +54,7 @@ def _file_problems(scene: "SceneInput") -> Iterator[Problem]:
             try:
                 read_points(body.shape.file, scene.dimension)
             except PointFileError as error:
-                yield Problem(("bodies", k, "shape", "file"), f"{body.shape.file}: {error}")
+                yield Problem(("bodies", k, "shape", "file"), str(error))
 
 
 def _size_problem(lattice: Lattice) -> str | None:

@@ -1,6 +1,7 @@
 """Points of a body from a file: CSV, or VTK files through the optional `vtk` package."""
 
 import csv
+import warnings
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -69,7 +70,8 @@ def _from_csv(path: Path, dimension: int) -> tuple[np.ndarray, np.ndarray | None
                 raise PointFileError(
                     f"its first line must be {expected} or {expected},volume, not {header!s:.60}"
                 )
-            table = np.loadtxt(file, delimiter=",", ndmin=2, comments=None)
+            with warnings.catch_warnings(action="ignore"):  # of an empty table, which is an error below
+                table = np.loadtxt(file, delimiter=",", ndmin=2, comments=None)
     except UnicodeDecodeError:
         raise PointFileError("the file is not text") from None
     except OSError as error:
@@ -77,7 +79,7 @@ def _from_csv(path: Path, dimension: int) -> tuple[np.ndarray, np.ndarray | None
     except PointFileError:
         raise
     except ValueError as error:  # of NumPy: names the row that is not made of numbers
-        raise PointFileError(f"below the header: {str(error).splitlines()[0]}") from None
+        raise PointFileError(f"below the header: {str(error).partition(';')[0]}") from None
     if table.size == 0:
         raise PointFileError("the file holds no points")
     if table.shape[1] != len(header):

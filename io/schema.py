@@ -18,6 +18,7 @@ from periporo.io.schema_base import (
     Position,
     Real,
     SceneModel,
+    Text,
     key,
 )
 from periporo.io.schema_bodies import Body, ExistingFile, InitialStress, MaterialInput
@@ -148,7 +149,7 @@ class Monitor(SceneModel):
 class SceneInput(SceneModel):
     """A complete scene in SI units, made and checked as a whole by `load_scene` or `parse_scene`."""
 
-    title: Annotated[str, Field(max_length=1000)] | None = key("what the scene shows", default=None)
+    title: Text | None = key("what the scene shows", default=None)
     dimension: Literal[2, 3] = key("2 (plane strain) or 3")
     spacing: Real = key("distance of the points", "m", ge=1e-6, le=1e4)
     horizon: Real = key("radius within which points interact", "spacings", default=2.2, ge=1.5, le=6)

@@ -10,6 +10,7 @@ MAX_SPEED = 1e5  # m/s
 MAX_STRESS = 1e13  # Pa
 MAX_ACCELERATION = 1e6  # m/s^2
 NAME_PATTERN = r"^\w([\w .+-]{0,62}\w)?$"
+TEXT_PATTERN = r"^[^\x00-\x08\x0b-\x1f\x7f]*$"
 FILE_PATTERN = r"^[^\x00-\x1f\x7f]+$"
 
 
@@ -50,6 +51,7 @@ Velocity = _vector(_bounded(MAX_SPEED))
 Acceleration = _vector(_bounded(MAX_ACCELERATION))
 Stress = _vector(Pressure)
 Axis = Literal["x", "y", "z"]
+Text = Annotated[str, StringConstraints(max_length=1000, pattern=TEXT_PATTERN)]
 Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN)]
 FileName = Annotated[str, StringConstraints(min_length=1, max_length=250, pattern=FILE_PATTERN)]
 

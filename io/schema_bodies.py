@@ -31,7 +31,7 @@ def _existing_file(name: Any, info: ValidationInfo) -> Any:
     except OSError as error:
         raise ValueError(f"the file cannot be read: {error.strerror}") from None
     if not found:
-        raise ValueError(f"there is no file {path}")
+        raise ValueError(f"there is no regular file {path}")
     return str(path.resolve())
 
 

@@ -5,7 +5,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from periporo.io.input_errors import Path, Problem, choice, described, nearest
-from periporo.io.schema_base import FILE_PATTERN, NAME_PATTERN
+from periporo.io.schema_base import FILE_PATTERN, NAME_PATTERN, TEXT_PATTERN
 
 _KINDS = {
     "float_type": "a number",
@@ -30,6 +30,7 @@ _BOUNDS = {
 _PATTERNS = {
     NAME_PATTERN: "{} is not a valid name: 1 to 64 letters, digits, spaces and _ - . +",
     FILE_PATTERN: "{} is not a valid file name: it contains control characters",
+    TEXT_PATTERN: "{} contains control characters",
 }
 _NUMERIC = ("float_type", "int_type", "float_parsing", "int_parsing", "int_from_float")
 

@@ -84,7 +84,7 @@ CASES = [
         "{type: points, file: gone.csv}",
         8,
         "bodies[0].shape.file",
-        "there is no file",
+        "there is no regular file",
     ),
     (
         "{type: box, lower: [0, 0], upper: [1, 1]}",
