@@ -21,6 +21,7 @@ import numpy as np
 from periporo.core.tensors import COMPONENTS
 
 _CHUNK_ROWS = 8192
+_BLOCK = 64 * _CHUNK_ROWS  # rows of the topology made at once
 _INDEX_ROWS = 512  # chunk of the datasets with one row per output
 _HISTORY_ROWS = 4096
 _METADATA_BYTES = 16_384  # most that a growing dataset adds to its description and chunk index at once
@@ -98,11 +99,15 @@ class ResultFile:
     def finish_output(self, time, step, rows):
         """Complete the output of `rows` points at this time (s) and step, and make it count."""
         grid, steps = self._grid, self._steps
-        have = len(grid["Connectivity"])
-        if have < rows:  # all outputs share one Connectivity: vertex cell k refers to point k
-            _put(grid["Connectivity"], have, np.arange(have, rows))
-        _put(grid["Offsets"], self._start + self._count, np.arange(rows + 1))
-        _put(grid["Types"], self._start, np.full(rows, _VERTEX, dtype=np.uint8))
+        # All outputs share one Connectivity: vertex cell k refers to point k.
+        for first in range(len(grid["Connectivity"]), rows, _BLOCK):
+            _put(grid["Connectivity"], first, np.arange(first, min(first + _BLOCK, rows)))
+        for first in range(0, rows + 1, _BLOCK):
+            offsets = np.arange(first, min(first + _BLOCK, rows + 1))
+            _put(grid["Offsets"], self._start + self._count + first, offsets)
+        for first in range(0, rows, _BLOCK):
+            types = np.full(min(_BLOCK, rows - first), _VERTEX, dtype=np.uint8)
+            _put(grid["Types"], self._start + first, types)
         for name in _COUNTS:
             _put(grid[name], self._count, [rows])
         entry = {"NumberOfParts": 1, "PartOffsets": self._count, "PointOffsets": self._start,

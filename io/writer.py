@@ -1,6 +1,7 @@
 """Collective writing of results: every rank gives its own points, rank 0 writes them in global-id order."""
 
 import contextlib
+import os
 from pathlib import Path
 
 import numpy as np
@@ -102,7 +103,8 @@ class ResultWriter:
             except OutputError as error:
                 failure = str(error)
             except (OSError, RuntimeError) as error:  # h5py raises the one or the other
-                failure = f"cannot write {self.path}: {error}"
+                number = getattr(error, "errno", None)
+                failure = f"cannot write {self.path}: {os.strerror(number) if number else error}"
             if failure is not None:
                 self._abandon()
         failure = self.comm.bcast(failure, root=0)

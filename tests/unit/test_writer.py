@@ -229,6 +229,29 @@ def test_killed_process_leaves_a_readable_file(tmp_path, outputs, delay):
             assert np.array_equal(results.ids(k), np.arange(3000))
             assert np.all(results.field("stress", k)[:, :4] == k)
             assert results.steps[k] == results.history("step")[k] == k
+        last = int(results.steps[-1])
+    with ResultWriter(path, MPI.COMM_SELF, dimension=2, fields={"stress": (4, "Pa")},
+                      resume_step=last) as writer:
+        writer.write(0.1, last + 1, [8], [[1.0, 2.0]], {"stress": [[1.0, 2.0, 3.0, 4.0]]})
+    with open_results(path) as results:
+        assert len(results) == last + 2 and np.all(results.field("stress", last)[:, :4] == last)
+        assert list(results.field("stress")[0]) == [1.0, 2.0, 3.0, 4.0, 0.0, 0.0]
+
+
+def test_an_output_of_many_blocks(tmp_path):
+    """More rows than the writer gathers, or makes of the topology, at once."""
+    n, path = 600_001, tmp_path / "run.h5"
+    ids = np.arange(n)[::-1]
+    with ResultWriter(path, MPI.COMM_SELF, dimension=2, fields={}) as writer:
+        for k in range(2):
+            writer.write(float(k), k, ids, np.stack([ids, -ids], axis=1), {})
+    with h5py.File(path) as file:
+        grid = file["VTKHDF"]
+        assert np.array_equal(grid["Connectivity"], np.arange(n))
+        assert np.array_equal(grid["Offsets"], np.tile(np.arange(n + 1), 2))
+        assert np.array_equal(grid["Types"], np.ones(2 * n))
+        assert np.array_equal(grid["PointData/id"], np.tile(np.arange(n), 2))
+        assert np.array_equal(grid["Points"][:, 1], np.tile(-np.arange(n), 2))
 
 
 FULL_DISK = """
