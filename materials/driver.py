@@ -6,6 +6,7 @@ given; a path of deformation gradients is followed by the same objective kinemat
 
 import argparse
 import dataclasses
+import importlib.util
 import sys
 from pathlib import Path
 
@@ -221,12 +222,10 @@ def write_table(file: Path, columns: dict[str, np.ndarray]) -> None:
 
 
 def _draw(material: Material, columns: dict[str, np.ndarray], folder: Path, stem: str) -> None:
-    try:
-        from periporo.materials.driver_plots import draw_plots
-    except ImportError as error:
-        if error.name is None or error.name.split(".")[0] != "matplotlib":
-            raise
+    if importlib.util.find_spec("matplotlib") is None:
         print("no plots: they need matplotlib (pip install 'periporo[plot]')", file=sys.stderr)
         return
+    from periporo.materials.driver_plots import draw_plots  # only here: matplotlib is optional
+
     for file in draw_plots(material, columns, folder, stem):
         print(file)

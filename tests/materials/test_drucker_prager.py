@@ -94,7 +94,7 @@ def test_pulled_soil_ends_at_the_apex(dilation):
 
 
 def biaxial_increment(dilation):
-    """Strain rate in plane of collapse at constant stress: tr de = sin(psi) times the shear, axes at 20 deg."""
+    """Collapse at constant stress in the plane: tr de = sin(psi) times the shear, axes at 20 deg."""
     shear, turn = 2e-4, np.radians(40.0)
     volume = shear * np.sin(np.radians(dilation))
     deviator = shear * np.cos(turn)
