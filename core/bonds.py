@@ -1,0 +1,318 @@
+"""Bonds: the rows on which materials live, with the state they carry through neighbour rebuilds."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from periporo.core.halo import exchange_rows, pack
+from periporo.core.jit import kernel
+from periporo.core.neighbours import Pairs
+from periporo.core.particles import Field, Particles
+from periporo.materials.protocol import Material, state_columns
+
+BOTH, FIRST, SECOND = 0, 1, 2  # whose share of a pair's volume a row stands for
+
+
+class Block:
+    """The rows of one material: contiguous slices of every bond array, and its own state columns."""
+
+    def __init__(self, material: Material, index: int, components: int):
+        self.material = material
+        self.index = index
+        self.average = f"average_{index}"  # point field: has state, stress, state
+        self.columns = state_columns(material, components)
+        tensors, logs, start = [], [], 0
+        for field in material.state_fields:
+            width = field.columns(components)
+            if field.kind == "tensor":
+                tensors.append(start)
+            logs += [field.merge == "log_mean"] * width
+            start += width
+        self.tensor_columns = np.array(tensors, np.int64)
+        self.log_columns = np.array(logs, np.bool_)
+        self.rows = slice(0, 0)
+        self.pair = np.empty(0, np.int32)
+        self.side = np.empty(0, np.int8)
+        self.active = np.empty(0, np.bool_)
+        self.stress = np.empty((0, components))
+        self.strain_increment = np.empty((0, components))
+        self.state = np.empty((0, self.columns))
+        self.carried: Carried | None = None
+
+
+@dataclass
+class Carried:
+    """State of bonds on its way through a rebuild, sorted by the ids of the ends."""
+
+    ids: np.ndarray
+    stress: np.ndarray
+    state: np.ndarray
+
+
+class Bonds:
+    """Pairs of neighbours, and for each material a block of constitutive rows on them.
+
+    A pair of two materials has a row in each block, with that end's share of the pair's volume. A row is
+    active, that is has state, while its pair is closer than the horizon and both ends are regular.
+    """
+
+    def __init__(self, particles: Particles, materials: list[Material]):
+        self.pairs = Pairs()
+        self.blocks = [Block(m, k, particles.components) for k, m in enumerate(materials)]
+        self.incidence_start = np.zeros(1, np.int64)
+        self.incidence = np.empty(0, np.int32)
+        self.initial_stress = None  # function of positions (n, d): stress (n, 4|6) of rows without a past
+        for block in self.blocks:
+            width = 1 + particles.components + block.columns
+            particles.add_field(Field(block.average, width, "", migrates=False))
+
+    def collect(self, comm, particles: Particles, owner: np.ndarray) -> None:
+        """Set the active rows' state aside for a rebuild, sharing it with the points' new owners."""
+        for block in self.blocks:
+            alive = np.flatnonzero(block.active)
+            pair = block.pair[alive]
+            carried = Carried(self.pairs.ids[pair], block.stress[alive], block.state[alive])
+            if comm.size > 1:
+                carried = self._share(comm, particles, owner, pair, carried)
+            block.carried = carried
+
+    def _share(self, comm, particles, owner, pair, carried):
+        home = np.full(particles.total, comm.rank)
+        home[: particles.owned] = owner
+        ends = home[self.pairs.first[pair]], home[self.pairs.second[pair]]
+        rows = pack([carried.ids, carried.stress, carried.state])
+        moved = np.unique(owner[owner != comm.rank]).tolist()
+        outgoing = {r: rows[(ends[0] == r) | (ends[1] == r)] for r in moved}
+        arrived = exchange_rows(comm, outgoing, rows.shape[1])
+        if len(arrived):
+            rows = np.concatenate([rows, arrived])
+            ids = np.ascontiguousarray(rows[:, :2]).view(np.int64)
+            order = np.lexsort((ids[:, 1], ids[:, 0]))
+            fresh = np.ones(len(order), bool)
+            fresh[1:] = (ids[order[1:]] != ids[order[:-1]]).any(axis=1)
+            rows = rows[order[fresh]]
+        components = carried.stress.shape[1]
+        return Carried(
+            np.ascontiguousarray(rows[:, :2]).view(np.int64),
+            np.ascontiguousarray(rows[:, 2 : 2 + components]),
+            np.ascontiguousarray(rows[:, 2 + components :]),
+        )
+
+    def rebuild(self, particles: Particles, reach: float) -> None:
+        """Find the pairs within `reach` m and give back the state that `collect` set aside."""
+        self.pairs.find(particles, reach)
+        start = 0
+        for block in self.blocks:
+            self._choose_rows(block, particles)
+            n, components = len(block.pair), particles.components
+            block.rows = slice(start, start + n)
+            start += n
+            source = np.full(n, -1, np.int64)
+            block.stress, block.state = np.zeros((n, components)), np.zeros((n, block.columns))
+            block.strain_increment = np.zeros((n, components))
+            if block.carried is not None:
+                _match(self.pairs.ids, block.pair, block.carried.ids, source)
+                kept = np.flatnonzero(source >= 0)
+                block.stress[kept] = block.carried.stress[source[kept]]
+                block.state[kept] = block.carried.state[source[kept]]
+                block.carried = None
+            block.active = source >= 0
+        pair = np.concatenate([b.pair for b in self.blocks])
+        self.incidence_start, self.incidence = _incidence(
+            self.pairs.first, self.pairs.second, pair, particles.total
+        )
+
+    def _choose_rows(self, block, particles):
+        n = len(self.pairs.first)
+        if len(self.blocks) == 1:
+            block.pair, block.side = np.arange(n, dtype=np.int32), np.zeros(n, np.int8)
+            return
+        is_first = particles.material[self.pairs.first] == block.index
+        is_second = particles.material[self.pairs.second] == block.index
+        block.pair = np.flatnonzero(is_first | is_second).astype(np.int32)
+        side = np.where(is_first & is_second, BOTH, np.where(is_first, FIRST, SECOND))
+        block.side = side[block.pair].astype(np.int8)
+
+    def average(self, particles: Particles, points: np.ndarray) -> None:
+        """Average stress and state of the active rows of each owned point in `points` (rows), per block.
+
+        The weights are w V of the other end; the result goes to the block's point field, whose first column
+        says whether the point has any active row.
+        """
+        for block in self.blocks:
+            _average_points(
+                points,
+                self.incidence_start,
+                self.incidence,
+                block.rows.start,
+                block.rows.stop,
+                block.pair,
+                block.active,
+                self.pairs.first,
+                self.pairs.second,
+                self.pairs.weight,
+                particles.volume,
+                block.stress,
+                block.state,
+                block.log_columns,
+                getattr(particles, block.average),
+            )
+
+    def admit_newborn(self, particles: Particles, dt: float) -> None:
+        """Give state to rows whose pair came within the horizon, and take it from those that left.
+
+        A newborn row takes the mean of its two points' averages (logarithmic where the state field asks for
+        it), followed by one return mapping without a strain increment. A point without active rows has no
+        say; a row between two such points starts from `initial_stress`, or zero.
+        """
+        newborn = [_update_activity(b.pair, self.pairs.first, self.pairs.second, self.pairs.weight,
+                                    particles.share, b.active) for b in self.blocks]  # fmt: skip
+        if not any(len(rows) for rows in newborn):
+            return
+        ends = [np.concatenate([self.pairs.first[b.pair[r]], self.pairs.second[b.pair[r]]])
+                for b, r in zip(self.blocks, newborn, strict=True)]  # fmt: skip
+        points = np.unique(np.concatenate(ends)).astype(np.int64)
+        self.average(particles, points[points < particles.owned])
+        for block, rows in zip(self.blocks, newborn, strict=True):
+            if len(rows):
+                self._initialise(block, rows, particles, dt)
+                block.active[rows] = True
+
+    def _initialise(self, block, rows, particles, dt):
+        average = getattr(particles, block.average)
+        pair = block.pair[rows]
+        first, second = average[self.pairs.first[pair]], average[self.pairs.second[pair]]
+        weight = first[:, :1] + second[:, :1]
+        values = _merge(first[:, 1:], second[:, 1:], first[:, :1], second[:, :1], particles.components, block)
+        components = particles.components
+        stress = np.ascontiguousarray(values[:, :components])
+        state = np.ascontiguousarray(values[:, components:])
+        alone = np.flatnonzero(weight[:, 0] == 0.0)
+        if len(alone):
+            stress[alone] = self._stress_from_nothing(particles, pair[alone])
+            volume = self._row_volumes(block, particles, rows[alone])
+            state[alone] = block.material.initial_state(stress[alone], self.pairs.ids[pair[alone]], volume)
+        block.material.compute_stress(stress, np.zeros_like(stress), state, dt)
+        block.stress[rows], block.state[rows] = stress, state
+
+
+    def _stress_from_nothing(self, particles, pair):
+        if self.initial_stress is None:
+            return np.zeros((len(pair), particles.components))
+        first, second = self.pairs.first[pair], self.pairs.second[pair]
+        return self.initial_stress(0.5 * (particles.position[first] + particles.position[second]))
+
+    def _row_volumes(self, block, particles, rows):
+        """Volume that each row stands for, (n,) m^3."""
+        pair = block.pair[rows]
+        i, j = self.pairs.first[pair], self.pairs.second[pair]
+        share = particles.share
+        halves = np.stack([share[i, 0] * share[j, 1], share[j, 0] * share[i, 1]])
+        halves[0] *= block.side[rows] != SECOND
+        halves[1] *= block.side[rows] != FIRST
+        return self.pairs.weight[pair] * particles.volume[i] * particles.volume[j] * halves.sum(axis=0)
+
+
+def _merge(first, second, has_first, has_second, components, block):
+    """Mean of two points' averages; logarithmic columns by the mean of ln|value|."""
+    logs = np.concatenate([np.zeros(components, bool), block.log_columns])
+    weight = np.maximum(has_first + has_second, 1.0)
+    result = (has_first * first + has_second * second) / weight
+    if logs.any():
+        with np.errstate(divide="ignore", invalid="ignore"):
+            total = np.where(has_first > 0, np.log(np.abs(first[:, logs])), 0.0) + np.where(
+                has_second > 0, np.log(np.abs(second[:, logs])), 0.0
+            )
+        result[:, logs] = np.sign(result[:, logs]) * np.exp(total / weight)
+    return result
+
+
+@kernel
+def _match(ids, pair, old_ids, source):
+    """For each row the place of its pair in the sorted `old_ids`, or -1; both lists are in id order."""
+    k = 0
+    for r in range(pair.shape[0]):
+        lower, higher = ids[pair[r], 0], ids[pair[r], 1]
+        while k < old_ids.shape[0] and (
+            old_ids[k, 0] < lower or (old_ids[k, 0] == lower and old_ids[k, 1] < higher)
+        ):
+            k += 1
+        if k < old_ids.shape[0] and old_ids[k, 0] == lower and old_ids[k, 1] == higher:
+            source[r] = k
+
+
+@kernel
+def _incidence(first, second, pair, points):
+    """Rows of each point in ascending order: start (points + 1,) and row numbers."""
+    start = np.zeros(points + 1, np.int64)
+    for r in range(pair.shape[0]):
+        start[first[pair[r]] + 1] += 1
+        start[second[pair[r]] + 1] += 1
+    for i in range(points):
+        start[i + 1] += start[i]
+    filled = start.copy()
+    rows = np.empty(2 * pair.shape[0], np.int32)
+    for r in range(pair.shape[0]):
+        i, j = first[pair[r]], second[pair[r]]
+        rows[filled[i]] = r
+        filled[i] += 1
+        rows[filled[j]] = r
+        filled[j] += 1
+    return start, rows
+
+
+@kernel
+def _update_activity(pair, first, second, weight, share, active):
+    """Deactivate rows that left the horizon or lost an end; the row numbers of those that came in."""
+    found = 0
+    for r in range(pair.shape[0]):
+        b = pair[r]
+        alive = weight[b] > 0.0 and share[first[b], 1] > 0.0 and share[second[b], 1] > 0.0
+        if not alive:
+            active[r] = False
+        elif not active[r]:
+            found += 1
+    rows = np.empty(found, np.int64)
+    if found > 0:
+        k = 0
+        for r in range(pair.shape[0]):
+            b = pair[r]
+            if not active[r] and weight[b] > 0.0 and share[first[b], 1] > 0.0 and share[second[b], 1] > 0.0:
+                rows[k] = r
+                k += 1
+    return rows
+
+
+@kernel
+def _average_points(
+    points, start, incidence, begin, end, pair, active, first, second, weight, volume, stress, state, logs, average
+):
+    components = stress.shape[1]
+    for n in range(points.shape[0]):
+        i = points[n]
+        for c in range(average.shape[1]):
+            average[i, c] = 0.0
+        total = 0.0
+        last = 0
+        for k in range(start[i], start[i + 1]):
+            r = incidence[k] - begin
+            if r < 0 or r >= end - begin or not active[r]:
+                continue
+            b = pair[r]
+            other = second[b] if first[b] == i else first[b]
+            w = weight[b] * volume[other]
+            total += w
+            for c in range(components):
+                average[i, 1 + c] += w * stress[r, c]
+            for c in range(state.shape[1]):
+                value = state[r, c]
+                average[i, 1 + components + c] += w * (np.log(abs(value)) if logs[c] else value)
+            last = r
+        if total > 0.0:
+            for c in range(1, average.shape[1]):
+                average[i, c] /= total
+            for c in range(state.shape[1]):
+                if logs[c]:  # such a field keeps its sign, so any row tells it
+                    magnitude = np.exp(average[i, 1 + components + c])
+                    average[i, 1 + components + c] = -magnitude if state[last, c] < 0.0 else magnitude
+            average[i, 0] = 1.0

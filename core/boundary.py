@@ -1,0 +1,67 @@
+"""Boundary conditions: prescribed motion, tractions, gravity and mass-proportional damping."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from periporo.core.energy import INTEGRATION, PRESCRIBED
+from periporo.core.particles import Particles
+
+
+class PrescribedMotion:
+    """Velocity components of a set of points as functions of time; their reactions do the work `prescribed`.
+
+    `ids` sorted global ids of the points; `velocities` maps an axis to a function of time (s) in m/s.
+    """
+
+    def __init__(self, ids: np.ndarray, velocities: dict[int, Callable[[float], float]]):
+        self.ids = ids
+        self.velocities = velocities
+
+    def apply(self, p: Particles, time: float, closing_step: bool) -> None:
+        """Impose the velocity of `time`: after the first kick, or after the second (`closing_step`)."""
+        rows = np.flatnonzero(np.isin(p.id[: p.owned], self.ids, assume_unique=True))
+        for axis, function in self.velocities.items():
+            kicked, before = p.velocity[rows, axis], p.previous_velocity[rows, axis]
+            imposed = np.full(len(rows), function(time))
+            mass = p.mass[rows]
+            half_step = before if closing_step else imposed
+            p.work[rows, PRESCRIBED] += mass * (imposed - kicked) * half_step
+            if closing_step:
+                p.work[rows, INTEGRATION] += 0.5 * mass * ((imposed - before) ** 2 - (kicked - before) ** 2)
+            p.velocity[rows, axis] = imposed
+
+
+class Gravity:
+    """Weight of every point, m g."""
+
+    def __init__(self, acceleration: np.ndarray):
+        self.acceleration = np.asarray(acceleration, float)
+
+    def add_force(self, p: Particles, time: float, dt: float) -> None:
+        """Add to the external force."""
+        p.external_force[: p.owned] += p.mass[:, None] * self.acceleration
+
+
+class Traction:
+    """A dead load per area on the outermost points of a side, given as force (n, d) N of the points `ids`."""
+
+    def __init__(self, ids: np.ndarray, force: np.ndarray):
+        self.ids = ids
+        self.force = force
+
+    def add_force(self, p: Particles, time: float, dt: float) -> None:
+        """Add to the external force."""
+        _, rows, mine = np.intersect1d(p.id[: p.owned], self.ids, assume_unique=True, return_indices=True)
+        p.external_force[rows] += self.force[mine]
+
+
+class ViscousDamping:
+    """Damping force -rate m v with the velocity of the middle of the step."""
+
+    def __init__(self, rate: float):
+        self.rate = rate
+
+    def add_force(self, p: Particles, time: float, dt: float) -> None:
+        """Set the damping force."""
+        p.damping_force[: p.owned] = -self.rate * p.mass[:, None] * p.velocity[: p.owned]

@@ -1,0 +1,230 @@
+"""Bond-projected correspondence: the default scheme.
+
+A bond sees the mean of its two points' velocity gradients, corrected so that it maps the bond onto its own
+relative velocity (Behzadinasab, Trask & Bazilevs 2021):
+
+    K_i = sum w V_j xi (x) xi,  L_i = [sum w V_j (v_j - v_i) (x) xi] K_i^-1,  n = xi / |xi|^2,
+    L = (L_i + L_j)/2,  L_ij = L + (v_j - v_i - L xi) (x) n.
+
+The force is the conjugate of the internal power sum c_ij sigma_ij : L_ij,
+c_ij = w V_i V_j (beta_j beta_i) (1/W_i + 1/W_j), W_i = sum w V_j, with Z_i = sum_b (c_b/2) (sigma_b - (sigma_b xi) (x) n):
+
+    t_ij = c_ij sigma_ij n + w V_i V_j (B_i + B_j) xi,  B_i = Z_i K_i^-1 / V_i.
+
+beta is 1 in a regular neighbourhood and falls to 0, over a decade of det K/(tr K/d)^d, where the neighbours do
+not span space any more: such a point flies freely. Momenta are conserved to rounding, the elastic operator is
+symmetric and positive semi-definite.
+"""
+
+import numpy as np
+
+from periporo.core import algebra as la
+from periporo.core.bonds import BOTH, FIRST, SECOND
+from periporo.core.correspondence import kinematics
+from periporo.core.correspondence.influence import influence, influence_table
+from periporo.core.jit import inlined, kernel
+
+DEGENERATE, REGULAR = 1e-3, 1e-2  # of det K / (tr K / d)^d
+_DECADE = np.log(REGULAR / DEGENERATE)
+
+
+@inlined
+def row_volume(side, wvv, share, i, j):
+    """Volume c that a row stands for; `wvv` = w V_i V_j."""
+    if side == BOTH:
+        return wvv * (share[i, 0] * share[j, 1] + share[j, 0] * share[i, 1])
+    if side == FIRST:
+        return wvv * share[i, 0] * share[j, 1]
+    return wvv * share[j, 0] * share[i, 1]
+
+
+class BondProjected:
+    """The scheme's two halves of a step: strain from velocity, force from stress."""
+
+    name = "bond_projected"
+
+    def __init__(self, horizon: float, influence_name: str):
+        """`horizon` m; `influence_name` one of `influence.NAMES`."""
+        self.horizon = horizon
+        self.table = influence_table(influence_name)
+
+    def deform(self, particles, bonds, halo, dt: float, material_dt: float) -> None:
+        """Strain increment of every active row over the step that ends at the present positions.
+
+        Stress and tensor-valued state are turned to the end of the step; newborn rows get their state, for
+        which a material sees a step of `material_dt` s.
+        """
+        p, pairs = particles, bonds.pairs
+        _sum_moments(
+            pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.volume, self.horizon, self.table,
+            p.sums, p.dim,
+        )  # fmt: skip
+        _close_points(p.owned, dt, p.sums, p.share, p.shape_inverse, p.gradient, p.jacobian, p.dim)
+        self._exchange(p, bonds, halo)
+        bonds.admit_newborn(p, material_dt)
+        for block in bonds.blocks:
+            _strain_rows(
+                block.pair, block.active, pairs.first, pairs.second, p.position, p.velocity, p.gradient, dt,
+                block.stress, block.strain_increment, block.state, block.tensor_columns, p.dim,
+            )  # fmt: skip
+
+    def _exchange(self, p, bonds, halo):
+        if halo.comm.size > 1:
+            bonds.average(p, halo.boundary_rows)
+            averages = [b.average for b in bonds.blocks]
+            halo.update(p, "share", "shape_inverse", "gradient", *averages)
+
+    def internal_force(self, particles, bonds, halo, force: np.ndarray) -> None:
+        """Fill `force` (total, d) N with the internal force; rows of ghosts are incomplete."""
+        p, pairs = particles, bonds.pairs
+        p.flux[:] = 0.0
+        for block in bonds.blocks:
+            _sum_flux(
+                block.pair, block.side, block.active, pairs.first, pairs.second, pairs.weight, p.position, p.volume,
+                p.share, block.stress, p.flux, p.dim,
+            )  # fmt: skip
+        _close_flux(p.owned, p.volume, p.shape_inverse, p.flux, p.dim)
+        halo.update(p, "flux")
+        force[:] = 0.0
+        for block in bonds.blocks:
+            _add_force(
+                block.pair, block.side, block.active, pairs.first, pairs.second, pairs.weight, p.position, p.volume,
+                p.share, block.stress, p.flux, force, p.dim,
+            )  # fmt: skip
+
+
+@kernel
+def _sum_moments(first, second, weight, position, velocity, volume, horizon, table, sums, dim):
+    """Weight of each pair; neighbour count, W, K and the velocity moment of both ends in `sums`."""
+    sums[:] = 0.0
+    n_shape = len(dim) * (len(dim) + 1) // 2
+    for b in range(first.shape[0]):
+        i, j = first[b], second[b]
+        xi = la.difference(position, i, j, dim)
+        r2 = la.dot(xi, xi)
+        if not r2 < horizon * horizon:
+            weight[b] = 0.0
+            continue
+        w = influence(1.0 - np.sqrt(r2) / horizon, table)
+        weight[b] = w
+        dyad = la.square(xi)
+        moment = la.dyad(la.difference(velocity, i, j, dim), xi)
+        wi = w * volume[j]
+        wj = w * volume[i]
+        sums[i, 0] += 1.0
+        sums[j, 0] += 1.0
+        sums[i, 1] += wi
+        sums[j, 1] += wj
+        for c in range(n_shape):
+            sums[i, 2 + c] += wi * dyad[c]
+            sums[j, 2 + c] += wj * dyad[c]
+        for c in range(len(dim) * len(dim)):
+            sums[i, 2 + n_shape + c] += wi * moment[c]
+            sums[j, 2 + n_shape + c] += wj * moment[c]
+
+
+@kernel
+def _close_points(owned, dt, sums, share, shape_inverse, gradient, jacobian, dim):
+    """Share, integrity, inverse shape tensor, velocity gradient and volume ratio of the owned points."""
+    d = len(dim)
+    n_shape = d * (d + 1) // 2
+    fewest = 3.0 if d == 2 else 5.0
+    for i in range(owned):
+        k = la.shape_at(sums, i, 2, dim)
+        inverse, determinant = la.inverse_shape(k)
+        mean = la.trace_shape(k) / d
+        regularity = determinant / mean**d if mean > 0.0 else 0.0
+        integrity = 0.0
+        if regularity > DEGENERATE and sums[i, 0] >= fewest:
+            integrity = 1.0 if regularity > REGULAR else np.log(regularity / DEGENERATE) / _DECADE
+        if integrity > 0.0:
+            share[i, 0] = integrity / sums[i, 1]
+            g = la.times_shape(la.matrix_at(sums, i, 2 + n_shape, dim), inverse)
+            for c in range(n_shape):
+                shape_inverse[i, c] = inverse[c]
+            for c in range(d * d):
+                gradient[i, c] = g[c]
+            jacobian[i] = 1.0 / la.determinant_minus(la.scaled(g, dt))
+        else:
+            share[i, 0] = 0.0
+            for c in range(n_shape):
+                shape_inverse[i, c] = 0.0
+            for c in range(d * d):
+                gradient[i, c] = 0.0
+            jacobian[i] = 1.0
+        share[i, 1] = integrity
+
+
+@kernel
+def _strain_rows(
+    pair, active, first, second, position, velocity, gradient, dt, stress, strain_increment, state, tensors, dim
+):
+    components = strain_increment.shape[1]
+    for r in range(pair.shape[0]):
+        if not active[r]:
+            for c in range(components):
+                strain_increment[r, c] = 0.0
+            continue
+        b = pair[r]
+        i, j = first[b], second[b]
+        xi = la.difference(position, i, j, dim)
+        dv = la.difference(velocity, i, j, dim)
+        mean = la.mean_matrix(gradient, i, j, dim)
+        residual = la.minus(dv, la.apply(mean, xi))
+        g = la.scaled(la.plus_dyad(mean, residual, la.scaled(xi, 1.0 / la.dot(xi, xi))), dt)
+        g = kinematics.midpoint_gradient(g)
+        spin = kinematics.spin_of(g)
+        half = kinematics.rotation(spin, 0.5)
+        la.store(strain_increment, r, 0, kinematics.rotated(kinematics.strain_of(g), half))
+        whole = kinematics.rotation(spin, 1.0)
+        la.store(stress, r, 0, kinematics.rotated(la.symmetric_at(stress, r, 0, dim), whole))
+        for t in range(tensors.shape[0]):
+            c = tensors[t]
+            la.store(state, r, c, kinematics.rotated(la.symmetric_at(state, r, c, dim), whole))
+
+
+@kernel
+def _sum_flux(pair, side, active, first, second, weight, position, volume, share, stress, flux, dim):
+    """Add (c/2)(sigma - (sigma xi) (x) n) of each row to Z of both ends."""
+    for r in range(pair.shape[0]):
+        if not active[r]:
+            continue
+        b = pair[r]
+        i, j = first[b], second[b]
+        xi = la.difference(position, i, j, dim)
+        s = la.symmetric_at(stress, r, 0, dim)
+        half = 0.5 * row_volume(side[r], weight[b] * volume[i] * volume[j], share, i, j)
+        z = la.full(s)
+        z = la.plus_dyad(z, la.apply_symmetric(s, xi), la.scaled(xi, -1.0 / la.dot(xi, xi)))
+        for c in range(len(z)):
+            flux[i, c] += half * z[c]
+            flux[j, c] += half * z[c]
+
+
+@kernel
+def _close_flux(owned, volume, shape_inverse, flux, dim):
+    for i in range(owned):
+        z = la.scaled(la.matrix_at(flux, i, 0, dim), 1.0 / volume[i])
+        z = la.times_shape(z, la.shape_at(shape_inverse, i, 0, dim))
+        for c in range(len(z)):
+            flux[i, c] = z[c]
+
+
+@kernel
+def _add_force(pair, side, active, first, second, weight, position, volume, share, stress, flux, force, dim):
+    """Add t_ij to both ends: the flux part once for each pair, the bond's own part for each active row."""
+    for r in range(pair.shape[0]):
+        b = pair[r]
+        if weight[b] == 0.0:
+            continue
+        i, j = first[b], second[b]
+        xi = la.difference(position, i, j, dim)
+        wvv = weight[b] * volume[i] * volume[j]
+        lead = 0.0 if side[r] == SECOND else 2.0 * wvv
+        own = row_volume(side[r], wvv, share, i, j) / la.dot(xi, xi) if active[r] else 0.0
+        t = la.apply(la.mean_matrix(flux, i, j, dim), xi)
+        u = la.apply_symmetric(la.symmetric_at(stress, r, 0, dim), xi)
+        for a in range(len(dim)):
+            f = lead * t[a] + own * u[a]
+            force[i, a] += f
+            force[j, a] -= f

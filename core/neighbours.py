@@ -1,0 +1,101 @@
+"""Pairs of points within a distance, found on a grid of cells, in the order of their global ids."""
+
+import numpy as np
+
+from periporo.core.jit import kernel
+
+
+class Pairs:
+    """Undirected pairs with at least one owned end, sorted by (lower id, higher id).
+
+    `first`, `second` (n,) int32 rows of the end with the lower and the higher id; `ids` (n, 2) int64;
+    `weight` (n,) influence w of the present configuration, 0 from the horizon on. Every loop over pairs adds
+    to both ends in this order, which is the same on every rank: sums do not depend on the decomposition.
+    """
+
+    def __init__(self):
+        self.first = np.empty(0, np.int32)
+        self.second = np.empty(0, np.int32)
+        self.ids = np.empty((0, 2), np.int64)
+        self.weight = np.empty(0)
+
+    def find(self, particles, reach: float) -> None:
+        """List every pair closer than `reach` m whose points may bond (same `group`)."""
+        p = particles
+        order = np.argsort(p.id, kind="stable").astype(np.int32)
+        cell, counts = _cells(p.position[order], reach)
+        capacity = max(int(1.2 * len(self.first)), 16 * p.total, 64)
+        while True:
+            ends = np.empty((2, capacity), np.int32)
+            found = _find_pairs(order, p.position, p.group, p.owned, cell, counts, reach, ends, p.dim)
+            if found <= capacity:
+                break
+            capacity = found
+        self.first, self.second = ends[0, :found].copy(), ends[1, :found].copy()
+        self.ids = np.stack([p.id[self.first], p.id[self.second]], axis=1)
+        self.weight = np.zeros(found)
+
+
+def _cells(position, reach):
+    """Cell indices (n, 3) and the number of cells along each axis; NaN positions share one cell."""
+    n, d = position.shape
+    finite = np.where(np.isfinite(position), position, 0.0)
+    lower = finite.min(axis=0, initial=np.inf) if n else np.zeros(d)
+    extent = (finite.max(axis=0) - lower) if n else np.zeros(d)
+    # a few points flung far away must not blow up the grid: larger cells find the same pairs
+    size = max(reach, float((np.prod(np.maximum(extent, reach)) / (4.0 * max(n, 1))) ** (1.0 / d)))
+    cell = np.zeros((n, 3), np.int64)
+    cell[:, :d] = np.floor((finite - lower) / size)
+    return cell, cell.max(axis=0, initial=0) + 1
+
+
+@kernel
+def _find_pairs(order, position, group, owned, cell, counts, reach, ends, dim):
+    """Fill `ends` (2, capacity); the number of pairs there are, also when there is no room for them."""
+    n = order.shape[0]
+    heads = np.zeros(counts[0] * counts[1] * counts[2] + 1, np.int32)
+    for p in range(n):
+        heads[(cell[p, 0] * counts[1] + cell[p, 1]) * counts[2] + cell[p, 2] + 1] += 1
+    for c in range(heads.shape[0] - 1):
+        heads[c + 1] += heads[c]
+    filled = heads.copy()
+    members = np.empty(n, np.int32)  # ranks in id order, ascending in each cell
+    for p in range(n):
+        c = (cell[p, 0] * counts[1] + cell[p, 1]) * counts[2] + cell[p, 2]
+        members[filled[c]] = p
+        filled[c] += 1
+    found = 0
+    partners = np.empty(n, np.int32)
+    for p in range(n):
+        i = order[p]
+        m = 0
+        for cx in range(max(cell[p, 0] - 1, 0), min(cell[p, 0] + 2, counts[0])):
+            for cy in range(max(cell[p, 1] - 1, 0), min(cell[p, 1] + 2, counts[1])):
+                for cz in range(max(cell[p, 2] - 1, 0), min(cell[p, 2] + 2, counts[2])):
+                    c = (cx * counts[1] + cy) * counts[2] + cz
+                    for k in range(heads[c + 1] - 1, heads[c] - 1, -1):
+                        q = members[k]
+                        if q <= p:
+                            break
+                        j = order[q]
+                        if (i >= owned and j >= owned) or group[i] != group[j]:
+                            continue
+                        r2 = 0.0
+                        for a in range(len(dim)):
+                            r2 += (position[j, a] - position[i, a]) ** 2
+                        if r2 < reach * reach:
+                            partners[m] = q
+                            m += 1
+        for k in range(1, m):  # insertion sort: rows are short
+            q = partners[k]
+            s = k - 1
+            while s >= 0 and partners[s] > q:
+                partners[s + 1] = partners[s]
+                s -= 1
+            partners[s + 1] = q
+        for k in range(m):
+            if found + k < ends.shape[1]:
+                ends[0, found + k] = i
+                ends[1, found + k] = order[partners[k]]
+        found += m
+    return found

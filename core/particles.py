@@ -1,0 +1,89 @@
+"""Points as a struct of arrays: owned rows first, then ghosts."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from periporo.core.algebra import DIMENSION
+from periporo.core.tensors import component_count
+
+
+@dataclass(frozen=True)
+class Field:
+    """A column, or columns, of point data. `columns` None is a plain (n,) array."""
+
+    name: str
+    columns: int | None
+    unit: str
+    migrates: bool = True
+    """Travels with its point to another rank; otherwise it is remade in each step."""
+    sent: bool = True
+    """Has rows for ghosts."""
+    dtype: type = np.float64
+
+
+def standard_fields(dimension: int) -> tuple[Field, ...]:
+    """The fields of every scene; features add their own with `Particles.add_field`."""
+    d, shape, matrix = dimension, dimension * (dimension + 1) // 2, dimension * dimension
+    return (
+        Field("id", None, "", dtype=np.int64),
+        Field("material", None, "", dtype=np.int64),
+        Field("body", None, "", dtype=np.int64),
+        Field("group", None, "", dtype=np.int64),  # points of different groups do not bond
+        Field("position", d, "m"),
+        Field("velocity", d, "m/s"),
+        Field("volume", None, "m^3"),
+        Field("mass", None, "kg", sent=False),
+        Field("reference_position", d, "m", sent=False),  # where the neighbours were found
+        Field("initial_position", d, "m", sent=False),
+        Field("jacobian", None, "1", migrates=False, sent=False),  # volume ratio of this step
+        # remade by the scheme in each step
+        Field("share", 2, "1/m^3, 1", migrates=False),  # integrity / sum of w V, and integrity
+        Field("shape_inverse", shape, "1/m^5", migrates=False),
+        Field("gradient", matrix, "1/s", migrates=False),  # velocity gradient
+        Field("flux", matrix, "Pa/m^5", migrates=False),  # Z K^-1 / V
+        Field("sums", 2 + shape + matrix, "", migrates=False),  # scratch of the geometry pass
+    )
+
+
+class Particles:
+    """Arrays of `owned` points of this rank followed by `total - owned` ghosts, one attribute per field."""
+
+    def __init__(self, dimension: int):
+        self.dimension = dimension
+        self.components = component_count(dimension)
+        self.dim = DIMENSION[dimension]
+        self.fields: dict[str, Field] = {}
+        self.owned = 0
+        self.total = 0
+        for field in standard_fields(dimension):
+            self.add_field(field)
+
+    def add_field(self, field: Field) -> None:
+        """Declare a field, zero in every row. Raises ValueError if the name is taken."""
+        if field.name in self.fields:
+            raise ValueError(f"point field '{field.name}' is declared twice")
+        self.fields[field.name] = field
+        setattr(self, field.name, self._zeros(field))
+
+    def _zeros(self, field: Field) -> np.ndarray:
+        rows = self.total if field.sent else self.owned
+        return np.zeros(rows if field.columns is None else (rows, field.columns), field.dtype)
+
+    def migrating(self) -> list[Field]:
+        """Fields that belong to a point, in their order in a migration message."""
+        return [f for f in self.fields.values() if f.migrates]
+
+    def replace(self, owned: dict[str, np.ndarray], ghosts: int) -> None:
+        """New owned rows by field name, with room for `ghosts` more; the other fields become zero."""
+        self.owned = len(owned["id"])
+        self.total = self.owned + ghosts
+        for field in self.fields.values():
+            array = self._zeros(field)
+            if field.migrates:
+                array[: self.owned] = owned[field.name]
+            setattr(self, field.name, array)
+
+    def take(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+        """The migrating fields of the owned `rows`."""
+        return {f.name: getattr(self, f.name)[rows] for f in self.migrating()}

@@ -1,0 +1,163 @@
+"""The simulation: its parts, and the only time loop in the program."""
+
+import numpy as np
+
+from periporo.core import domain as decomposition
+from periporo.core.bonds import Bonds
+from periporo.core.energy import ForceChannels, Ledger
+from periporo.core.halo import Halo
+from periporo.core.integrator import drift, first_kick, second_kick
+from periporo.core.particles import Particles
+from periporo.core.reductions import maximum
+from periporo.core.timing import Timing
+
+_IMBALANCE = 1.1  # of the bonds per rank, above which space is divided anew
+
+
+class Simulation:
+    """A scene in motion on the ranks of `comm`.
+
+    Built by `periporo.core.scene.build`; `step` advances it, `run` goes through its stages. What a scene does
+    not have is an empty list here.
+    """
+
+    def __init__(self, comm, particles: Particles, materials, scheme, *, spacing, skin, time_step):
+        self.comm = comm
+        self.particles = particles
+        self.materials = list(materials)
+        self.scheme = scheme
+        self.spacing = spacing
+        self.skin = skin
+        self.time_step = time_step
+        self.halo = Halo(comm)
+        self.bonds = Bonds(particles, self.materials)
+        self.forces = ForceChannels(particles)
+        self.forces.need("internal")
+        self.domain = None
+        self.ledger: Ledger | None = None
+        self.timing = Timing()
+        self.prescribed_motions, self.point_processes, self.contacts = [], [], []
+        self.loads, self.observers, self.stages = [], [], []
+        self.time, self.dt, self.step_number, self.rebuild_count = 0.0, 0.0, 0, 0
+        self.rate_independent = False  # quasi-static: viscous laws are given all the time in the world
+        self._carry = 0.0  # of the compensated sum of time steps
+        self._moved = 0.0
+
+    @property
+    def reach(self) -> float:
+        """Distance within which pairs are listed, m."""
+        return self.scheme.horizon + self.skin
+
+    def rebuild(self) -> None:
+        """Give points to the ranks that own their places, and find ghosts and neighbours anew."""
+        p = self.particles
+        self._divide()
+        owner = self.domain.owner(p.position[: p.owned])
+        self.bonds.collect(self.comm, p, owner)
+        owned = self.halo.migrate(p, owner)
+        owned["reference_position"] = owned["position"].copy()
+        self.halo.rebuild(p, self.domain, owned, self.reach)
+        self.bonds.rebuild(p, self.reach)
+        self._moved = 0.0
+        self.rebuild_count += 1
+
+    def _divide(self) -> None:
+        """Divide space among the ranks: at first, and when the numbers of bonds have become too unequal."""
+        p = self.particles
+        if self.domain is not None:
+            if self.comm.size == 1:
+                return
+            mine = float(len(self.bonds.pairs.first))
+            mean = self.comm.allreduce(mine) / self.comm.size
+            if maximum(self.comm, mine) <= _IMBALANCE * mean:
+                return
+        weight = np.diff(self.bonds.incidence_start)[: p.owned].astype(float)
+        if len(weight) != p.owned or self.domain is None:
+            weight = np.ones(p.owned)
+        self.domain = decomposition.bisect(self.comm, p.position[: p.owned], weight)
+
+    def neighbours_are_stale(self) -> bool:
+        """Whether a point somewhere has moved half of the skin since the neighbours were found."""
+        return not maximum(self.comm, self._moved) <= 0.5 * self.skin
+
+    def evaluate_forces(self) -> None:
+        """Strain, stress and forces of the present configuration, reached in `dt` with the present velocity."""
+        p, b, dt, timing = self.particles, self.bonds, self.dt, self.timing
+        self.halo.update(p, "position", "velocity", "volume")
+        timing.lap("exchange")
+        material_dt = np.inf if self.rate_independent else dt
+        self.scheme.deform(p, b, self.halo, dt, material_dt)
+        timing.lap("strain")
+        for block in b.blocks:
+            block.material.compute_stress(block.stress, block.strain_increment, block.state, material_dt)
+        timing.lap("material")
+        for process in self.point_processes:
+            process.update(p, b, dt)
+        timing.lap("point processes")
+        self.scheme.internal_force(p, b, self.halo, p.internal_force)
+        timing.lap("internal force")
+        self._clear_forces()
+        for contact in self.contacts:
+            contact.add_force(p, self.time + dt, dt)
+        timing.lap("contact")
+        for load in self.loads:
+            load.add_force(p, self.time + dt, dt)
+        timing.lap("loads")
+
+    def _clear_forces(self) -> None:
+        for name, array in zip(self.forces.names, self.forces.arrays(), strict=True):
+            if name != "internal":
+                array[:] = 0.0
+
+    def step(self) -> None:
+        """Advance from t to t + dt: velocity Verlet, updated Lagrangian."""
+        p, forces, timing = self.particles, self.forces, self.timing
+        timing.start()
+        if self.time_step.due(self.step_number):
+            self.dt = self.time_step.choose(self)
+            timing.lap("time step")
+        dt = self.dt
+        first_kick(p, forces, dt)  # v at t + dt/2
+        for motion in self.prescribed_motions:
+            motion.apply(p, self.time + dt / 2, closing_step=False)
+        self._moved = drift(p, forces, dt)  # x at t + dt
+        timing.lap("integration")
+        if self.neighbours_are_stale():
+            self.rebuild()
+        timing.lap("rebuild")
+        self.evaluate_forces()
+        second_kick(p, forces, dt)  # v at t + dt
+        for motion in self.prescribed_motions:
+            motion.apply(p, self.time + dt, closing_step=True)
+        timing.lap("integration")
+        self._advance_clock(dt)
+        for observer in self.observers:  # output, energy, watchdog, progress
+            observer.after_step(self)
+        timing.lap("observers")
+
+    def _advance_clock(self, dt: float) -> None:
+        """Add `dt` to the time by a compensated sum (Kahan 1965)."""
+        increment = dt - self._carry
+        total = self.time + increment
+        self._carry = (total - self.time) - increment
+        self.time = total
+        self.step_number += 1
+
+    def reset_clock(self, time: float = 0.0) -> None:
+        """Set the time, at the start of a stage."""
+        self.time, self._carry = time, 0.0
+
+    def start(self) -> None:
+        """Bonds and forces of the initial configuration; compiles every kernel on the way."""
+        self.rebuild()
+        self.dt, self.rate_independent = 0.0, True
+        self.evaluate_forces()
+        self.rate_independent = False
+        self.bonds.initial_stress = None  # from now on, a row without a past is a point that lands
+        self.ledger = Ledger(self.comm, self.particles)
+        self.dt = self.time_step.choose(self)
+
+    def run(self) -> None:
+        """Go through all stages."""
+        for stage in self.stages:
+            stage.run(self)

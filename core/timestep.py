@@ -1,0 +1,153 @@
+"""A stable time step from the present stiffness.
+
+The highest frequency of the whole scene comes from a few Lanczos iterations of the scheme's own elastic
+operator: that is exact but costs some steps. In between it is followed by a local estimate for every point,
+its bonds taken as springs, omega_i^2 = lambda_max(sum_b 2 c_b/|xi|^2 [mu I + (K + mu/3) n n]) / m_i, which tells
+at once when points come close or stiffen; its ratio to the exact value is measured again when it has changed.
+"""
+
+import numpy as np
+
+from periporo.core import algebra as la
+from periporo.core.correspondence.bond_projected import row_volume
+from periporo.core.jit import kernel
+from periporo.core.reductions import exact_sum, maximum
+from periporo.io.geometry import uniform
+
+_LANCZOS_STEPS = 20
+_DRIFT = 0.1  # relative change of the local estimate after which the ratio is measured again
+
+
+class StableTimeStep:
+    """Chooses the time step: `safety` times the stability limit 2/omega, or a `fixed` one."""
+
+    def __init__(self, safety: float, fixed: float | None, interval: int):
+        self.safety = safety
+        self.fixed = fixed
+        self.interval = interval
+        self.ratio = 1.0  # exact over local frequency
+        self._calibrated_at = 0.0
+
+    def due(self, step: int) -> bool:
+        """Whether the step is to be chosen anew."""
+        return self.fixed is None and step % self.interval == 0
+
+    def choose(self, sim) -> float:
+        """The time step (s) for the present configuration."""
+        if self.fixed is not None:
+            return self.fixed
+        local = local_frequency(sim, sim.contacts)
+        if not abs(local - self._calibrated_at) <= _DRIFT * self._calibrated_at:
+            exact, alone = highest_frequency(sim), local_frequency(sim, ())
+            self.ratio = exact / alone if alone > 0.0 else 1.0
+            self._calibrated_at = local
+        if local == 0.0:
+            raise ValueError("time_step: no point has a bond or a contact, so nothing limits the time step; set 'fixed'")
+        return self.safety * 2.0 / (self.ratio * local)
+
+
+def local_frequency(sim, contacts) -> float:
+    """Largest of the points' own frequency estimates from bonds and `contacts`, rad/s."""
+    p, pairs = sim.particles, sim.bonds.pairs
+    springs = np.zeros((p.total, p.dimension * (p.dimension + 1) // 2))
+    for block in sim.bonds.blocks:
+        bulk, shear = block.material.elastic_moduli(block.stress, block.state)
+        _sum_springs(
+            block.pair, block.side, block.active, pairs.first, pairs.second, pairs.weight, p.position, p.volume,
+            p.share, bulk, shear, springs, p.dim,
+        )  # fmt: skip
+    stiffness = np.zeros(p.owned)
+    for contact in contacts:
+        contact.add_stiffness(p, sim.time, stiffness)
+    return float(np.sqrt(maximum(sim.comm, _largest_square_frequency(p.owned, springs, stiffness, p.mass, p.dim))))
+
+
+def highest_frequency(sim) -> float:
+    """Highest frequency of the elastic operator of all bonds by Lanczos iteration, rad/s.
+
+    Stress, state and velocity are put aside meanwhile; nothing of the simulation changes.
+    """
+    p, n = sim.particles, sim.particles.owned
+    kept = [(b.stress.copy(), b.state.copy(), b.active.copy()) for b in sim.bonds.blocks]
+    velocity, jacobian = p.velocity.copy(), p.jacobian.copy()
+    root_mass = np.sqrt(p.mass)[:, None]
+    vector = uniform(p.id[:n], p.dimension, seed=1) - 0.5
+    previous, beta = np.zeros_like(vector), 0.0
+    diagonal, beside = [], []
+    vector /= np.sqrt(_inner(sim, vector, vector))
+    for _ in range(_LANCZOS_STEPS):
+        image = _apply_stiffness(sim, vector / root_mass) / root_mass
+        diagonal.append(_inner(sim, vector, image))
+        image -= diagonal[-1] * vector + beta * previous
+        previous, beta = vector, np.sqrt(_inner(sim, image, image))
+        if not beta > 1e-6 * abs(diagonal[0]):
+            break
+        vector = image / beta
+        beside.append(beta)
+    for block, (stress, state, active) in zip(sim.bonds.blocks, kept, strict=True):
+        block.stress[:], block.state[:], block.active[:] = stress, state, active
+    p.velocity[:], p.jacobian[:] = velocity, jacobian
+    off = beside[: len(diagonal) - 1]
+    matrix = np.diag(diagonal) + np.diag(off, 1) + np.diag(off, -1)
+    return float(np.sqrt(max(np.linalg.eigvalsh(matrix)[-1], 0.0)))
+
+
+def _inner(sim, a, b):
+    return float(exact_sum(sim.comm, (a * b).sum(axis=1))[0])
+
+
+def _apply_stiffness(sim, displacement):
+    """Elastic force (owned, d) that a small displacement calls forth, by the production kernels."""
+    p = sim.particles
+    size = maximum(sim.comm, float(np.abs(displacement).max(initial=0.0)))
+    dt = 1e-7 * sim.spacing / size  # small enough to be linear
+    p.velocity[: p.owned] = displacement
+    sim.halo.update(p, "velocity")
+    for block in sim.bonds.blocks:
+        block.stress[:] = 0.0
+    sim.scheme.deform(p, sim.bonds, sim.halo, dt, dt)
+    for block in sim.bonds.blocks:
+        bulk, shear = block.material.elastic_moduli(block.stress, block.state)
+        _elastic_stress(bulk, shear, block.strain_increment, block.stress)
+    force = np.zeros((p.total, p.dimension))
+    sim.scheme.internal_force(p, sim.bonds, sim.halo, force)
+    return -force[: p.owned] / dt
+
+
+@kernel
+def _elastic_stress(bulk, shear, strain, stress):
+    for r in range(stress.shape[0]):
+        volumetric = (bulk[r] - 2.0 / 3.0 * shear[r]) * (strain[r, 0] + strain[r, 1] + strain[r, 2])
+        for c in range(stress.shape[1]):
+            stress[r, c] = 2.0 * shear[r] * strain[r, c] + (volumetric if c < 3 else 0.0)
+
+
+@kernel
+def _sum_springs(
+    pair, side, active, first, second, weight, position, volume, share, bulk, shear, springs, dim
+):
+    for r in range(pair.shape[0]):
+        if not active[r]:
+            continue
+        b = pair[r]
+        i, j = first[b], second[b]
+        xi = la.difference(position, i, j, dim)
+        r2 = la.dot(xi, xi)
+        c = 2.0 * row_volume(side[r], weight[b] * volume[i] * volume[j], share, i, j) / r2
+        dyad = la.square(xi)
+        for k in range(len(dyad)):
+            value = c * (bulk[r] + shear[r] / 3.0) / r2 * dyad[k]
+            if k < len(dim):
+                value += c * shear[r]
+            springs[i, k] += value
+            springs[j, k] += value
+
+
+@kernel
+def _largest_square_frequency(owned, springs, stiffness, mass, dim):
+    largest = 0.0
+    for i in range(owned):
+        value = (la.largest_eigenvalue(la.shape_at(springs, i, 0, dim)) + stiffness[i]) / mass[i]
+        if not value <= largest:
+            largest = value
+    return largest
