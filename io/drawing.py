@@ -91,7 +91,7 @@ def _displacement(results, step):
 def colour_limits(values):
     """Lower and upper end of the colour scale: all but the outermost percent, so that no outlier rules it."""
     finite = values[np.isfinite(values)]
-    if not len(finite):
+    if not finite.any():
         return 0.0, 1.0
     low, high = np.percentile(finite, (1, 99))
     low = 0.0 if 0 <= low < 0.25 * high else low
@@ -164,11 +164,12 @@ class PointPicture:
 
     def _lay_out(self, new_figure):
         """Figure, axes of the views, all to one scale, and axes of the colour bar below; in inches."""
-        margin = 2 * self.spacing
-        size = self.extent[1] - self.extent[0] + 2 * margin
+        size = self.extent[1] - self.extent[0]
+        margin = max(2 * self.spacing, 0.02 * size.max())
+        size = size + 2 * margin
         across = size[self.views[0].across]
         ups = [size[view.up] for view in self.views]
-        scale = min(8.0 / across, 8.0 / sum(ups))
+        self._scale = scale = min(8.0 / across, 8.0 / sum(ups))
         width, height = max(scale * across, 3.5) + 1.1, scale * sum(ups) + 0.65 * len(ups) + 1.2
         figure = new_figure(figsize=(width, height))
         left, bottom, axes = 0.5 * (width - scale * across) + 0.3, height - 0.4, []
@@ -178,8 +179,8 @@ class PointPicture:
             frame = figure.add_axes(box)
             frame.set_xlim(self.extent[0, view.across] - margin, self.extent[1, view.across] + margin)
             frame.set_ylim(self.extent[0, view.up] - margin, self.extent[1, view.up] + margin)
-            frame.set(xlabel=f"{_AXES[view.across]} [m]", ylabel=f"{_AXES[view.up]} [m]")
-            frame.text(0.995, 0.97, view.name, transform=frame.transAxes, ha="right", va="top", color="0.5")
+            name = f"   ({view.name} view)" if view.name else ""
+            frame.set(xlabel=f"{_AXES[view.across]} [m]{name}", ylabel=f"{_AXES[view.up]} [m]")
             axes.append(frame)
             bottom -= 0.65
         return figure, axes, figure.add_axes((0.15, 0.5 / height, 0.7, 0.15 / height))
@@ -195,7 +196,8 @@ class PointPicture:
         points = EllipseCollection([diameter], [diameter], [0.0], units="xy", offsets=np.empty((0, 2)),
                                    offset_transform=axes.transData, cmap=_COLOURS, linewidths=0, zorder=2)
         if view.towards is not None:
-            points.set(edgecolors=(0, 0, 0, 0.35), linewidths=0.25)
+            rim = min(0.3, 0.03 * 72 * self._scale * diameter)  # points (1/72 inch)
+            points.set(edgecolors=(0, 0, 0, 0.35), linewidths=rim)
         axes.add_collection(points)
         return points
 

@@ -84,7 +84,8 @@ def test_colour_limits_ignore_outliers():
     low, high = drawing.colour_limits(values)
     assert low == 0 and 0.98 < high < 1.01
     assert drawing.colour_limits(np.array([-2.0, -2.0])) == (-2.5, -1.5)
-    assert drawing.colour_limits(np.array([np.nan])) == (0.0, 1.0)
+    for nothing in ([np.nan], [0.0, 0.0], []):
+        assert drawing.colour_limits(np.array(nothing)) == (0.0, 1.0)
 
 
 def test_extent_leaves_out_points_that_flew_off(tmp_path, heap):
