@@ -39,8 +39,9 @@ def describe_results(results):
 
 
 def short_attributes(results):
-    """Attributes of the run as text, without the long ones such as the configuration."""
-    texts = {name: str(value) for name, value in results.attributes.items()}
+    """Attributes of the run as text, without the configuration, the timing and other long ones."""
+    texts = {name: str(value) for name, value in results.attributes.items()
+             if name not in ("configuration", "timing")}
     return {name: text for name, text in texts.items() if len(text) <= _MOST_TEXT and "\n" not in text}
 
 
