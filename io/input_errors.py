@@ -79,7 +79,7 @@ def printable(text: str) -> str:
 
 
 def described(value: Any) -> str:
-    """A value as the user wrote it, with its kind where that is the point: `text 'abc'`, `yes/no (True)`."""
+    """A value as the user wrote it, with its kind where that is the point: `the text 'abc'`."""
     match value:
         case None:
             return "nothing"

@@ -34,9 +34,11 @@ _MAX_NESTING = 40
 def _inside_the_working_folder(name: str) -> str:
     path = PurePosixPath(name)
     if path.is_absolute() or ".." in path.parts or "\\" in name or name.startswith("~"):
-        raise ValueError("must be a name relative to the working folder, without '..', '~' or '\\'")
+        raise ValueError(
+            f"{name!r} is not relative to the working folder; give a name without '..', '~', '\\'"
+        )
     if path.suffix not in _RESULT_SUFFIXES:
-        raise ValueError(f"must end in one of {', '.join(_RESULT_SUFFIXES)}")
+        raise ValueError(f"{name!r} must end in one of {', '.join(_RESULT_SUFFIXES)}")
     return name
 
 
@@ -150,7 +152,7 @@ class SceneInput(SceneModel):
     """A complete scene in SI units, made and checked as a whole by `load_scene` or `parse_scene`."""
 
     title: Text | None = key("what the scene shows", default=None)
-    dimension: Literal[2, 3] = key("2 (plane strain) or 3")
+    dimension: Literal[2, 3] = key("dimensions of space, 2 is plane strain")
     spacing: Real = key("distance of the points", "m", ge=1e-6, le=1e4)
     horizon: Real = key("radius within which points interact", "spacings", default=2.2, ge=1.5, le=6)
     influence: Literal["cubic", "conical", "gaussian", "constant"] = key("weight of a bond", default="cubic")

@@ -3,6 +3,7 @@
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
+from pydantic.errors import PydanticInvalidForJsonSchema
 
 from periporo.io.input_errors import Path, Problem, choice, described, nearest
 from periporo.io.schema_base import FILE_PATTERN, NAME_PATTERN, TEXT_PATTERN
@@ -21,11 +22,12 @@ _KINDS = {
     "tuple_type": "a list",
     "list_type": "a list",
 }
-_BOUNDS = {
-    "greater_than": ("greater than", "gt"),
-    "greater_than_equal": ("at least", "ge"),
-    "less_than": ("less than", "lt"),
-    "less_than_equal": ("at most", "le"),
+_BOUNDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
+_BOUND_WORDS = {
+    "exclusiveMinimum": "greater than",
+    "minimum": "at least",
+    "exclusiveMaximum": "less than",
+    "maximum": "at most",
 }
 _PATTERNS = {
     NAME_PATTERN: "{} is not a valid name: 1 to 64 letters, digits, spaces and _ - . +",
@@ -66,8 +68,15 @@ def model_problems(model: type[BaseModel], data: dict[str, Any]) -> list[Problem
     try:
         model.model_validate(data)
     except ValidationError as error:
-        return problems_of(error, model.model_json_schema(), data)
+        return problems_of(error, _schema_of(model), data)
     return []
+
+
+def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
+    try:
+        return model.model_json_schema()
+    except PydanticInvalidForJsonSchema:  # a plugin's own types; its keys are known all the same
+        return {"properties": {name: {} for name in model.model_fields}}
 
 
 def _data_path(location: Path, data: Any) -> Path:
@@ -157,6 +166,11 @@ def _allowed_keys(schema: dict[str, Any], path: Path, data: Any) -> list[str]:
     return list(_node(schema, path, data).get("properties", {}))
 
 
+def _range(node: dict[str, Any]) -> str:
+    """`greater than 0 and at most 1`, from the bounds in the schema."""
+    return " and ".join(f"{words} {node[name]:g}" for name, words in _BOUND_WORDS.items() if name in node)
+
+
 def _meaning(node: dict[str, Any]) -> str:
     """Description and unit in brackets, or nothing."""
     unit = f", {node['unit']}" if node.get("unit") and node["unit"] != "1" else ""
@@ -179,9 +193,8 @@ def _message(finding: dict[str, Any], node: dict[str, Any]) -> str:
     if kind in _KINDS:
         hint = "; write it without quotes" if kind in _NUMERIC and _is_quoted_number(value) else ""
         return f"must be {_KINDS[kind]}, not {described(value)}{hint}{_meaning(node)}"
-    if kind in _BOUNDS:
-        words, name = _BOUNDS[kind]
-        return f"must be {words} {context[name]:g}, not {described(value)}{_meaning(node)}"
+    if kind in _BOUNDS and _range(node):
+        return f"must be {_range(node)}, not {described(value)}{_meaning(node)}"
     if kind == "finite_number":
         return f"must be a finite number, not {described(value)}{_meaning(node)}"
     if kind in ("too_short", "too_long"):

@@ -12,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from periporo.io.input_errors import InputError, Problem, described
+from periporo.io.input_errors import InputError, Problem, shorten
 
 MAX_BYTES = 5_000_000
 _MAX_DEPTH = 40
@@ -100,7 +100,8 @@ def parse_yaml(text: str, name: str = "<text>") -> YamlSource:
         raise _syntax_failure(name, text, error) from None
     except yaml.reader.ReaderError as error:
         line = text[: error.position].count("\n") + 1
-        message = f"the character {error.character!r} is not allowed in YAML"
+        code = error.character if isinstance(error.character, int) else ord(error.character)
+        message = f"the character U+{code:04X} is not allowed in YAML"
         raise _failure(name, message, line) from None
     if builder.root is None or builder.root.value is None:
         raise _failure(name, "the file is empty; see `periporo schema` for what a scene contains")
@@ -154,7 +155,8 @@ class _Builder:
 
     def _refuse_tag(self, event: yaml.NodeEvent, line: int) -> None:
         if event.tag is not None:
-            message = f"tags such as {described(event.tag)} are not allowed; write the plain value"
+            tag = event.tag.replace("tag:yaml.org,2002:", "!!")
+            message = f"tags such as {shorten(tag, 40)} are not allowed; write the plain value"
             raise _failure(self.name, message, line)
 
     def _scalar(self, event: yaml.ScalarEvent, line: int) -> None:

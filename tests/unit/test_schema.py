@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import BaseModel, ConfigDict, Field
 
 from periporo.io.input_errors import InputError
 from periporo.io.schema import SceneInput, load_scene, parse_scene, scene_json_schema
@@ -140,6 +141,27 @@ def test_a_plain_class_of_a_plugin_checks_its_own_parameters(monkeypatch):
     data["pore_water"] = {"suction": 0, "retention": {"set": "fitted"}}
     with pytest.raises(InputError, match="its own pore pressure"):
         parse_scene(data)
+
+
+class Curve:
+    """A type that pydantic can neither validate nor describe."""
+
+
+class LawWithACurve(BaseModel):
+    model_config = ConfigDict(arbitrary_types_allowed=True, extra="forbid")
+    modulus: float = Field(gt=0)
+    curve: Curve = Curve()
+
+
+def test_a_pydantic_law_without_json_schema_is_validated_as_well(monkeypatch):
+    monkeypatch.setattr("periporo.materials.registry.load", lambda name: LawWithACurve)
+    data = minimal()
+    data["materials"]["soil"] = {"model": "curved", "modulus": -1, "curv": 2}
+    with pytest.raises(InputError) as caught:
+        parse_scene(data)
+    unknown, bound = caught.value.problems
+    assert "did you mean 'curve'? Allowed: modulus, curve" in unknown.message
+    assert "greater than 0" in bound.message
 
 
 def test_a_law_that_cannot_be_imported_is_a_clear_error(monkeypatch):
