@@ -47,7 +47,10 @@ def drive(
     if substeps < 1:
         raise InputError("substeps", [Problem((), f"must be at least 1, not {substeps}")])
     stress = initial_stress if initial_stress is not None else path.initial_stress
-    point = MaterialPoint(material, np.zeros(6) if stress is None else stress)
+    try:
+        point = MaterialPoint(material, np.zeros(6) if stress is None else stress)
+    except ValueError as error:
+        raise InputError(path.name, [Problem((), f"the initial stress does not suit: {error}")]) from error
     rows = [_observed(point)]
     follow = _follow_gradient if isinstance(path, DeformationPath) else _follow_strain
     for _ in follow(point, path, substeps):

@@ -1,6 +1,6 @@
 """Isotropic hypoelasticity: Hooke's law between the objective stress rate and the rate of deformation."""
 
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from pydantic import Field
@@ -18,6 +18,12 @@ class Elastic(MaterialParameters):
     shear_modulus: float = Field(gt=0, description="shear modulus mu", json_schema_extra={"unit": "Pa"})
 
     state_fields: ClassVar[tuple[StateField, ...]] = ()
+    conservative: ClassVar[bool] = True
+
+    @classmethod
+    def example(cls) -> Self:
+        """A loose soil."""
+        return cls(density=1760.0, bulk_modulus=25e6, shear_modulus=15e6)
 
     def initial_state(self, stress, ids, volume):
         """No state: an (n, 0) array."""
