@@ -1,48 +1,32 @@
 """Elastic moduli of Arena: drained, density-scaled, and Biot-Gassmann with the pore fluid."""
 
 import math
-from typing import NamedTuple
 
-from periporo.core.jit import inlined, kernel
+from periporo.core.jit import kernel
+from periporo.materials.arena.compiled import inlined
+from periporo.materials.arena.constants import unpack_elasticity, unpack_pores
 from periporo.materials.arena.pores import (
     AIR_EXPONENT,
     ATMOSPHERE,
-    saturation_at,
     water_bulk_modulus,
+    water_volume,
 )
 
 GRAIN_BULK_MODULUS = 40e9  # K_s0, Pa
 GRAIN_SLOPE = 4.0  # n_s = dK_s/dp
 GRAIN_REFERENCE = 101325.0  # Pa
-
-
-class Elasticity(NamedTuple):
-    """Constants of the elastic law that kernels read; see `Arena` for the parameters behind them."""
-
-    b0: float
-    b1: float
-    b2: float
-    b3: float
-    b4: float
-    constant_shear: float
-    nu1: float
-    nu2: float
-    density_factor: float
-    scale_total: bool
-    poisson_in_tension: bool
-    keep_fluid: bool
-    disaggregation: bool
+_INVERSE_GRAIN = 1.0 / (GRAIN_BULK_MODULUS - GRAIN_SLOPE * GRAIN_REFERENCE)
 
 
 @inlined
 def drained(m, p):
     """Unscaled drained K, G and grain modulus K_s, Pa, at mean effective pressure `p` (compression > 0)."""
     if p > 0.0:
+        # eqs 86, 88, 89 with b2 y + b3 = b1 b3 K_s / d and K_s - n_s p = constant inserted
         grain = GRAIN_BULK_MODULUS + GRAIN_SLOPE * (p - GRAIN_REFERENCE)
-        y = m.b3 * p / (m.b1 * grain - m.b2 * p)  # elastic strain to the power b4, eq. 89
-        z = m.b2 * y + m.b3
-        bulk = m.b0 + m.b1 * m.b3 * m.b4 * y ** (1.0 - 1.0 / m.b4) / (z * z)
-        bulk *= grain * grain / (grain - GRAIN_SLOPE * p)
+        d = m.b1 * grain - m.b2 * p
+        y = m.b3 * p / d  # elastic strain to the power b4
+        bulk = (m.b0 * grain * grain + m.curve * y**m.exponent * d * d) * _INVERSE_GRAIN
     else:
         grain = GRAIN_BULK_MODULUS
         bulk = m.b0 * grain
@@ -69,20 +53,33 @@ def fluid_stiffens(m, c, i1, p, compressing):
 
 
 @inlined
-def moduli(m, c, i1, p, evp, compressing):
-    """Tangent bulk and shear modulus, Pa, at effective I1, pore pressure `p` and plastic strain `evp`."""
+def pore_fluid(c, p, evp):
+    """Porosity and compressibility 1/K_f (1/Pa, eq. 93) of the air-water mixture; zeros for a dry soil."""
+    if c.saturation == 0.0:
+        return 0.0, 0.0
+    growth = math.exp(evp)
+    porosity = 1.0 - (1.0 - c.phi0) * growth
+    if c.saturation == 1.0:
+        return porosity, 1.0 / water_bulk_modulus(p)
+    water = c.open_saturation
+    if p > 0.0:  # then the pore volume is the fluid's
+        water = c.saturation * water_volume(c, p)[0] * c.phi0 * growth / porosity
+    return porosity, water / water_bulk_modulus(p) + (1.0 - water) / (AIR_EXPONENT * (p + ATMOSPHERE))
+
+
+@inlined
+def moduli(m, c, fluid, i1, p, evp, compressing):
+    """Tangent bulk and shear modulus, Pa, at effective I1, pore pressure `p` and plastic strain `evp`.
+
+    `fluid` is the result of `pore_fluid` at the same pressure and strain.
+    """
     bulk, shear, grain = drained(m, -i1 / 3.0)
     if not m.scale_total:
         bulk *= m.density_factor
         shear *= m.density_factor
     if fluid_stiffens(m, c, i1, p, compressing):
-        porosity = 1.0 - (1.0 - c.phi0) * math.exp(evp)
-        water = saturation_at(c, p)
-        compressibility = water / water_bulk_modulus(p)
-        if water < 1.0:
-            compressibility += (1.0 - water) / (AIR_EXPONENT * (p + ATMOSPHERE))
         biot = 1.0 - bulk / grain
-        bulk += biot * biot / (biot / grain + porosity * (compressibility - 1.0 / grain))
+        bulk += biot * biot / (biot / grain + fluid[0] * (fluid[1] - 1.0 / grain))
     if m.scale_total:
         bulk *= m.density_factor
         shear *= m.density_factor
@@ -94,7 +91,10 @@ def moduli(m, c, i1, p, evp, compressing):
 
 
 @kernel
-def fill_moduli(m, c, i1, p, evp, bulk, shear):
+def fill_moduli(elasticity, pores, i1, p, evp, bulk, shear):
     """Fill `bulk` and `shear` (n,) Pa from effective I1, pore pressure and plastic strain (n,)."""
+    m = unpack_elasticity(elasticity)
+    c = unpack_pores(pores)
     for b in range(i1.shape[0]):
-        bulk[b], shear[b] = moduli(m, c, i1[b], p[b], evp[b], True)
+        fluid = pore_fluid(c, p[b], evp[b])
+        bulk[b], shear[b] = moduli(m, c, fluid, i1[b], p[b], evp[b], True)

@@ -9,13 +9,12 @@ the whole substep, whose difference to the final result also is the error that c
 """
 
 import math
-from typing import NamedTuple
 
-from periporo.core.jit import inlined
-from periporo.materials.arena.elasticity import fluid_stiffens, moduli
+from periporo.materials.arena.compiled import inlined
+from periporo.materials.arena.elasticity import fluid_stiffens, moduli, pore_fluid
 from periporo.materials.arena.pores import harden
 from periporo.materials.arena.returns import backward_euler, crossing
-from periporo.materials.arena.surface import is_elastic, weakened_surface
+from periporo.materials.arena.surface import holds, is_clear, weakened_surface
 
 _GAMMA = 1.0 - math.sqrt(0.5)  # stage length that makes the two stages second order and L-stable
 _EXTRAPOLATION = (1.0 - 2.0 * _GAMMA) / _GAMMA  # from the end of stage one to where stage two starts
@@ -26,17 +25,6 @@ _MODULUS_CHANGE = 0.2  # largest relative change of K in a substep
 _COMPACTION_SHARE = 0.1  # largest share of the remaining compaction in a substep
 _SMALLEST_STEP = 1e-9
 _MAX_SUBSTEPS = 200000
-
-
-class Control(NamedTuple):
-    """Accuracy of the integration and the parts that are switched on."""
-
-    tolerance: float
-    fixed_substeps: int
-    stress_scale: float
-    relaxation_time: float  # T1
-    relaxation_power: float  # T2
-    damage: bool
 
 
 @inlined
@@ -93,7 +81,8 @@ def _yielding_share(bulk, shear, start, end, tr, e1, e2):
 def _plastic_substep(m, c, control, strength, y, factor, growth, dt, k0, g0, state, tr, e1, e2):
     """One substep that yields: new state, mean moduli used, error, new growth time."""
     first = backward_euler(c, y, k0, g0, state, tr, e1, e2, 0.0, _PREDICTOR_TOLERANCE)
-    k1, g1 = moduli(m, c, first[0] + 3.0 * first[4], first[4], first[3], tr < 0.0)
+    fluid = pore_fluid(c, first[4], first[3])
+    k1, g1 = moduli(m, c, fluid, first[0] + 3.0 * first[4], first[4], first[3], tr < 0.0)
     bulk = 0.5 * (k0 + k1)
     shear = 0.5 * (g0 + g1)
     x = first[3] - state[3]
@@ -112,13 +101,13 @@ def _plastic_substep(m, c, control, strength, y, factor, growth, dt, k0, g0, sta
 
 
 @inlined
-def mean_moduli(m, c, state, k0, tr):
+def mean_moduli(m, c, fluid, state, k0, tr):
     """Moduli at the middle of an elastic step that starts with the bulk modulus `k0`."""
     start = state[0] + 3.0 * state[4]
     middle = start + 1.5 * k0 * tr
     if start * middle < 0.0:
         middle = 0.0  # on the side of the start; a kink in between is split off by the caller
-    return moduli(m, c, middle, state[4], state[3], start < 0.0 or (start == 0.0 and tr < 0.0))
+    return moduli(m, c, fluid, middle, state[4], state[3], start < 0.0 or (start == 0.0 and tr < 0.0))
 
 
 @inlined
@@ -135,28 +124,30 @@ def _kink_share(m, c, k0, state, tr):
 
 
 @inlined
-def _elastic_part(m, c, y, state, k0, g0, tr, e1, e2):
+def _elastic_part(m, c, y, fluid, state, k0, g0, tr, e1, e2, inside):
     """Elastic move up to the first event, the jump of K at I1_eff = 0 or the yield surface.
 
-    Returns the new state, the share of the increment that was used, whether the surface stopped it, and
-    the stress that the change of the moduli makes out.
+    `inside` tells whether the start is clear of the surface. Returns the new state, the share of the
+    increment that was used (0: the row yields at once), and the stress that the change of the moduli makes.
     """
     share = _kink_share(m, c, k0, state, tr)
     hit = False
     for _ in range(2):
-        bulk, shear = mean_moduli(m, c, state, k0, share * tr)
+        bulk, shear = mean_moduli(m, c, fluid, state, k0, share * tr)
         di1 = 3.0 * bulk * share * tr
         du = 2.0 * shear * share * e1
         dw = 2.0 * shear * share * e2
         i1 = state[0] + 3.0 * state[4]
         u = state[1] + du
         w = state[2] + dw
-        if hit or is_elastic(y, i1 + di1, 0.5 * (u * u + w * w), state[5], 0.0):
+        if hit or holds(y, i1 + di1, 0.5 * (u * u + w * w), state[5]):
             break
+        if not inside:
+            return state, 0.0, 0.0
         hit = True
         share *= crossing(y, i1, di1, state[1], du, state[2], dw, state[5])
     gap = share * _norm(3.0 * (bulk - k0) * tr, 2.0 * (shear - g0) * e1, 2.0 * (shear - g0) * e2)
-    return (state[0] + di1, u, w, state[3], state[4], state[5]), share, hit, gap
+    return (state[0] + di1, u, w, state[3], state[4], state[5]), share, gap
 
 
 @inlined
@@ -185,7 +176,7 @@ def advance(m, c, y, strength, factor, control, state, growth, dt, tr, e1, e2):
     if viscous:
         rate = _norm(tr, e1, e2) / dt
         per_step = dt * rate**control.relaxation_power / control.relaxation_time
-    adaptive = control.fixed_substeps == 0
+    adaptive = control.fixed_substeps == 0.0
     largest = 1.0 if adaptive else 1.0 / control.fixed_substeps
     h = largest
     done = 0.0
@@ -198,12 +189,11 @@ def advance(m, c, y, strength, factor, control, state, growth, dt, tr, e1, e2):
         i1 = state[0] + 3.0 * state[4]
         if control.damage:
             y = weakened_surface(strength, factor, growth)
-        k0, g0 = moduli(m, c, i1, state[4], state[3], tr < 0.0)
+        fluid = pore_fluid(c, state[4], state[3])
+        k0, g0 = moduli(m, c, fluid, i1, state[4], state[3], tr < 0.0)
         push = (0.0, 0.0, 0.0)
-        j2 = 0.5 * (state[1] * state[1] + state[2] * state[2])
-        new, share, hit, gap = _elastic_part(m, c, y, state, k0, g0, dtr, d1, d2)
-        if hit and not is_elastic(y, i1, j2, state[5], -_ON_SURFACE):
-            share = 0.0
+        inside = is_clear(y, i1, 0.5 * (state[1] ** 2 + state[2] ** 2), state[5], _ON_SURFACE)
+        new, share, gap = _elastic_part(m, c, y, fluid, state, k0, g0, dtr, d1, d2, inside)
         error = 0.0
         new_growth = growth
         if share > 0.0:

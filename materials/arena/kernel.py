@@ -2,63 +2,88 @@
 
 import math
 
-import numpy as np
-
-from periporo.core.jit import inlined, kernel
-from periporo.materials.arena.elasticity import moduli
+from periporo.core.jit import kernel
+from periporo.materials.arena.compiled import inlined
+from periporo.materials.arena.constants import (
+    unpack_control,
+    unpack_elasticity,
+    unpack_pores,
+    unpack_strength,
+    unpack_surface,
+)
+from periporo.materials.arena.elasticity import moduli, pore_fluid
 from periporo.materials.arena.integrate import advance, mean_moduli
 from periporo.materials.arena.pores import harden
-from periporo.materials.arena.surface import is_elastic, weakened_surface
+from periporo.materials.arena.surface import holds, weakened_surface
 
 EVP, PRESSURE, STRENGTH, FAILURES = 0, 1, 2, 3
 """Columns that every Arena state begins with; the optional ones follow."""
 
 
 @inlined
-def _deviator(values, out):
-    """Trace of a tensor's first components `values`; its deviator into `out`."""
-    trace = values[0] + values[1] + values[2]
-    for k in range(3):
-        out[k] = values[k] - trace / 3.0
-    for k in range(3, values.shape[0]):
-        out[k] = values[k]
-    return trace
+def _split(values, row, first, components):
+    """Trace and deviator (six numbers) of the tensor in the columns from `first` of one row.
+
+    Written out: loops over four or six components would cost more than the arithmetic.
+    """
+    xx, yy, zz = values[row, first], values[row, first + 1], values[row, first + 2]
+    yz = xz = 0.0
+    if components == 6:
+        yz, xz = values[row, first + 4], values[row, first + 5]
+    trace = xx + yy + zz
+    mean = trace / 3.0
+    return trace, (xx - mean, yy - mean, zz - mean, values[row, first + 3], yz, xz)
 
 
 @inlined
-def _product(a, b, components):
+def _product(a, b):
     """a:b of two tensors."""
-    total = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-    for k in range(3, components):
-        total += 2.0 * a[k] * b[k]
-    return total
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + 2.0 * (a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
 
 
 @inlined
-def _combine(out, trace, s, s_share, e, e_share):
-    """out = trace/3 I + s_share s + e_share e."""
-    for k in range(out.shape[0]):
-        out[k] = s_share * s[k] + e_share * e[k]
-    for k in range(3):
-        out[k] += trace / 3.0
+def _combine(trace, s, s_share, e, e_share):
+    """trace/3 I + s_share s + e_share e, six numbers."""
+    mean = trace / 3.0
+    return (
+        mean + s_share * s[0] + e_share * e[0],
+        mean + s_share * s[1] + e_share * e[1],
+        mean + s_share * s[2] + e_share * e[2],
+        s_share * s[3] + e_share * e[3],
+        s_share * s[4] + e_share * e[4],
+        s_share * s[5] + e_share * e[5],
+    )
+
+
+@inlined
+def _store(values, row, first, components, tensor):
+    """Write six numbers into the columns from `first` of one row, four in plane strain."""
+    values[row, first] = tensor[0]
+    values[row, first + 1] = tensor[1]
+    values[row, first + 2] = tensor[2]
+    values[row, first + 3] = tensor[3]
+    if components == 6:
+        values[row, first + 4] = tensor[4]
+        values[row, first + 5] = tensor[5]
 
 
 @inlined
 def _elastic_moduli_of_step(m, c, y, control, state, tr, ss, se, ee):
     """Moduli of a row that stays elastic over the whole increment at the tolerance, else zeros."""
     effective = state[0] + 3.0 * state[4]
-    k0, g0 = moduli(m, c, effective, state[4], state[3], tr < 0.0)
+    fluid = pore_fluid(c, state[4], state[3])
+    k0, g0 = moduli(m, c, fluid, effective, state[4], state[3], tr < 0.0)
     if c.saturation > 0.0 and effective * (effective + 3.0 * k0 * tr) < 0.0:
         return 0.0, 0.0
-    bulk, shear = mean_moduli(m, c, state, k0, tr)
+    bulk, shear = mean_moduli(m, c, fluid, state, k0, tr)
     end = effective + 3.0 * bulk * tr
     j2 = max(0.5 * ss + 2.0 * shear * (se + shear * ee), 0.0)
-    if not is_elastic(y, end, j2, state[5], 0.0):
+    if not holds(y, end, j2, state[5]):
         return 0.0, 0.0
     change = 3.0 * (bulk - k0) * tr
     drift = 2.0 * (shear - g0)
-    size = control.tolerance * (math.sqrt(end * end / 3.0 + 2.0 * j2) + control.stress_scale)
-    if change * change / 3.0 + drift * drift * ee > size * size:
+    size = end * end / 3.0 + 2.0 * j2 + control.stress_scale * control.stress_scale
+    if change * change / 3.0 + drift * drift * ee > control.tolerance * control.tolerance * size:
         return 0.0, 0.0
     return bulk, shear
 
@@ -94,26 +119,29 @@ def _rate_time(control, dt, tr, ee):
 
 
 @kernel
-def update_rows(m, c, y_all, strength, control, columns, stress, increment, state, dt):
+def update_rows(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt):
     """Advance `stress` (n, 4|6) and `state` (n, k) in place by `increment` (n, 4|6) over `dt` s.
 
     `columns` are the state's columns of damage time, strength factor and quasi-static stress, -1 where the
     material has none. A row whose update fails keeps its start state and is counted in its failure column.
     """
+    m = unpack_elasticity(elasticity)
+    c = unpack_pores(pores)
+    y_all = unpack_surface(surface)
+    strength = unpack_strength(strengths)
+    control = unpack_control(controls)
     components = stress.shape[1]
-    time_column, factor_column, static_column = columns
-    start = np.empty(components)
-    s = np.empty(components)
-    e = np.empty(components)
+    time_column, factor_column, static_column = columns[0], columns[1], columns[2]
     viscous = static_column >= 0
     for b in range(stress.shape[0]):
-        tr = _deviator(increment[b], e)
-        for k in range(components):
-            start[k] = state[b, static_column + k] if viscous else stress[b, k]
-        i1 = _deviator(start, s)
-        ss = _product(s, s, components)
-        se = _product(s, e, components)
-        ee = _product(e, e, components)
+        tr, e = _split(increment, b, 0, components)
+        if viscous:
+            i1, s = _split(state, b, static_column, components)
+        else:
+            i1, s = _split(stress, b, 0, components)
+        ss = _product(s, s)
+        se = _product(s, e)
+        ee = _product(e, e)
         if tr == 0.0 and ee == 0.0:  # the two follow from evp: make them exact, e.g. for newborn rows
             p, _, x, _ = harden(c, state[b, EVP], state[b, PRESSURE])
             state[b, PRESSURE] = p
@@ -126,7 +154,7 @@ def update_rows(m, c, y_all, strength, control, columns, stress, increment, stat
         if time_column >= 0 or factor_column >= 0:
             y = weakened_surface(strength, factor, growth)
         bulk = shear = 0.0
-        if control.fixed_substeps == 0:
+        if control.fixed_substeps == 0.0:
             bulk, shear = _elastic_moduli_of_step(m, c, y, control, row, tr, ss, se, ee)
         over_trace = over_s = over_e = 0.0
         if bulk > 0.0:
@@ -135,7 +163,7 @@ def update_rows(m, c, y_all, strength, control, columns, stress, increment, stat
         else:
             u0, e1, e2 = _basis(ss, se, ee)
             row = (i1, u0, 0.0, state[b, EVP], p, row[5])
-            row, growth, over, memory, fine = advance(
+            row, growth, push, memory, fine = advance(
                 m, c, y, strength, factor, control, row, growth, dt, tr, e1, e2
             )
             if not fine:
@@ -143,25 +171,22 @@ def update_rows(m, c, y_all, strength, control, columns, stress, increment, stat
                 continue
             trace = row[0]
             s_share, e_share = _shares(row[1], row[2], u0, e1, e2)
-            over_trace = over[0]
-            over_s, over_e = _shares(over[1], over[2], u0, e1, e2)
+            over_trace = push[0]
+            over_s, over_e = _shares(push[1], push[2], u0, e1, e2)
             state[b, EVP] = row[3]
             state[b, PRESSURE] = row[4]
             state[b, STRENGTH] = row[5] - 3.0 * row[4]
             if time_column >= 0:
                 state[b, time_column] = growth
+        static = _combine(trace, s, s_share, e, e_share)
         if not viscous:
-            _combine(stress[b], trace, s, s_share, e, e_share)
+            _store(stress, b, 0, components, static)
             continue
-        for k in range(components):
-            stress[b, k] = memory * (stress[b, k] - start[k]) if memory > 0.0 else 0.0
-        _combine(start, over_trace, s, over_s, e, over_e)
-        for k in range(components):
-            stress[b, k] += start[k]
-        _combine(start, trace, s, s_share, e, e_share)
-        for k in range(components):
-            state[b, static_column + k] = start[k]
-            stress[b, k] += start[k]
+        over = _combine(over_trace, s, over_s, e, over_e)
+        for k in range(components):  # the old overstress fades, the new one comes on top
+            old = memory * (stress[b, k] - state[b, static_column + k]) if memory > 0.0 else 0.0
+            stress[b, k] = static[k] + over[k] + old
+        _store(state, b, static_column, components, static)
 
 
 @inlined
@@ -174,7 +199,7 @@ def _enclosing_strain(c, y, i1, j2):
         if evp >= c.p3:
             return math.nan
         p, _, x, _ = harden(c, evp, p)
-        if is_elastic(y, i1 + 3.0 * p, j2, x, 0.0):
+        if holds(y, i1 + 3.0 * p, j2, x):
             break
         low = evp
         step *= 1.1
@@ -182,7 +207,7 @@ def _enclosing_strain(c, y, i1, j2):
     for _ in range(60):
         evp = 0.5 * (low + high)
         p, _, x, _ = harden(c, evp, p)
-        if is_elastic(y, i1 + 3.0 * p, j2, x, 0.0):
+        if holds(y, i1 + 3.0 * p, j2, x):
             high = evp
         else:
             low = evp
@@ -190,12 +215,15 @@ def _enclosing_strain(c, y, i1, j2):
 
 
 @kernel
-def fill_initial(c, y_all, strength, columns, i1, j2, state):
+def fill_initial(pores, surface, strengths, columns, i1, j2, state):
     """Fill the leading columns of `state` (n, k) for rows of given total I1 and J2 (n,).
 
     The failure column is 1 where no yield surface holds the stress.
     """
-    time_column, factor_column, _ = columns
+    c = unpack_pores(pores)
+    y_all = unpack_surface(surface)
+    strength = unpack_strength(strengths)
+    time_column, factor_column = columns[0], columns[1]
     for b in range(state.shape[0]):
         y = y_all
         if time_column >= 0 or factor_column >= 0:
@@ -203,7 +231,7 @@ def fill_initial(c, y_all, strength, columns, i1, j2, state):
             y = weakened_surface(strength, factor, 0.0 if time_column >= 0 else -1.0)
         evp = 0.0
         p, _, x, _ = harden(c, evp, c.pressure)
-        if not is_elastic(y, i1[b] + 3.0 * p, j2[b], x, 1e-9):
+        if not holds(y, i1[b] + 3.0 * p, (1.0 - 1e-9) * j2[b], x):
             evp = _enclosing_strain(c, y, i1[b], j2[b])
             if math.isnan(evp):
                 state[b, FAILURES] = 1.0

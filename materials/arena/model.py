@@ -4,15 +4,14 @@ import math
 from functools import cached_property
 
 import numpy as np
-
 from periporo.core import tensors
 from periporo.materials.arena import pores as pore_space
-from periporo.materials.arena.elasticity import Elasticity, fill_moduli
-from periporo.materials.arena.integrate import Control
+from periporo.materials.arena.constants import Control, Elasticity, Pores, Strength, Surface, pack
+from periporo.materials.arena.elasticity import fill_moduli
 from periporo.materials.arena.kernel import EVP, FAILURES, PRESSURE, STRENGTH, fill_initial, update_rows
 from periporo.materials.arena.parameters import ArenaParameters
-from periporo.materials.arena.pores import Pores, fill_pores
-from periporo.materials.arena.surface import Strength, Surface, coefficients, squared_limit, weakened_surface
+from periporo.materials.arena.pores import fill_pores
+from periporo.materials.arena.surface import coefficients, squared_limit, weakened_surface
 from periporo.materials.arena.variability import strength_factors
 from periporo.materials.protocol import StateField
 
@@ -51,16 +50,24 @@ class Arena(ArenaParameters):
         return tuple(fields)
 
     @cached_property
-    def _columns(self) -> tuple[int, int, int]:
+    def _columns(self) -> np.ndarray:
         """Columns of damage time, strength factor and quasi-static stress; -1 for those without."""
         names = [f.name for f in self.state_fields]
         optional = ("damage_time", "strength_factor", "quasistatic_stress")
-        return tuple(names.index(n) if n in names else -1 for n in optional)
+        return np.array([names.index(n) if n in names else -1 for n in optional])
 
     @cached_property
     def _elasticity(self) -> Elasticity:
         return Elasticity(
-            *(float(v) for v in (self.b0, self.b1, self.b2, self.b3, self.b4, self.G0, self.nu1, self.nu2)),
+            float(self.b0),
+            float(self.b1),
+            float(self.b2),
+            float(self.b3),
+            self.b4 / (self.b1 * self.b3),
+            1.0 - 1.0 / self.b4,
+            float(self.G0),
+            float(self.nu1),
+            float(self.nu2),
             self.density_factor,
             self.density_scaling == "total",
             self.shear_modulus_in_tension == "poisson",
@@ -76,6 +83,7 @@ class Arena(ArenaParameters):
             float(self.initial_fluid_pressure),
             self.water_strain == "logarithmic",
             math.nan,
+            math.nan,
             float(self.p0),
             self.scaled_p1,
             1.0 / self.p2,
@@ -85,7 +93,7 @@ class Arena(ArenaParameters):
         )
         air = (1.0 - self.initial_saturation) * pore_space.air_volume(pores, 0.0)
         water = self.initial_saturation * pore_space.water_volume(pores, 0.0)[0]
-        return pores._replace(open_volume=air + water)
+        return pores._replace(open_volume=air + water, open_saturation=water / (air + water))
 
     @cached_property
     def _strength(self) -> Strength:
@@ -104,15 +112,18 @@ class Arena(ArenaParameters):
         return Surface(*a, float(self.PEAKI1), float(self.CR), 1.5 * self.BETA**2)
 
     @cached_property
-    def _control(self) -> Control:
-        return Control(
+    def _packed(self) -> tuple[np.ndarray, ...]:
+        """Elasticity, pores, surface, strength and control as arrays."""
+        control = Control(
             float(self.tolerance),
-            self.substeps,
+            float(self.substeps),
             _STRESS_SCALE * float(self.p0),
             float(self.T1),
             float(self.T2),
             self.do_damage,
         )
+        parts = (self._elasticity, self._pores, self._surface, self._strength, control)
+        return tuple(pack(part) for part in parts)
 
     def initial_state(self, stress: np.ndarray, ids: np.ndarray, volume: np.ndarray) -> np.ndarray:
         """State (n, k) of rows that start at the total `stress` (n, 4|6) Pa.
@@ -132,14 +143,14 @@ class Arena(ArenaParameters):
         if static_column >= 0:
             state[:, static_column : static_column + components] = stress
         i1, j2 = self._invariants(stress)
-        fill_initial(self._pores, self._surface, self._strength, self._columns, i1, j2, state)
+        fill_initial(*self._packed[1:4], self._columns, i1, j2, state)
         bad = np.flatnonzero(state[:, FAILURES] != 0)
         if bad.size:
             b = bad[0]
             raise ValueError(
                 f"row {b} (ids {ids[b].tolist()}): initial stress with I1 = {i1[b]:.6g} Pa and sqrt(J2) = "
                 f"{math.sqrt(j2[b]):.6g} Pa lies outside every yield surface (pore pressure "
-                f"{self.initial_fluid_pressure:.6g} Pa); reduce its shear or tension, or raise FSLOPE or PEAKI1"
+                f"{self.initial_fluid_pressure:.6g} Pa); reduce its shear or tension, or raise FSLOPE, PEAKI1"
             )
         return state
 
@@ -162,18 +173,7 @@ class Arena(ArenaParameters):
         With infinite `dt` the overstress vanishes and damage does not grow. A row whose update fails keeps
         its start state; its `failed_updates` column counts it.
         """
-        update_rows(
-            self._elasticity,
-            self._pores,
-            self._surface,
-            self._strength,
-            self._control,
-            self._columns,
-            stress,
-            strain_increment,
-            state,
-            float(dt),
-        )
+        update_rows(*self._packed, self._columns, stress, strain_increment, state, float(dt))
 
     def elastic_moduli(self, stress, state):
         """Bulk and shear modulus of compressive unloading at the current state, two (n,) arrays in Pa."""
@@ -181,7 +181,7 @@ class Arena(ArenaParameters):
         pressure = np.ascontiguousarray(state[:, PRESSURE])
         bulk, shear = np.empty(len(stress)), np.empty(len(stress))
         evp = np.ascontiguousarray(state[:, EVP])
-        fill_moduli(self._elasticity, self._pores, i1 + 3.0 * pressure, pressure, evp, bulk, shear)
+        fill_moduli(*self._packed[:2], i1 + 3.0 * pressure, pressure, evp, bulk, shear)
         return bulk, shear
 
     def derived_state(self, stress: np.ndarray, state: np.ndarray) -> dict[str, np.ndarray]:
@@ -193,7 +193,7 @@ class Arena(ArenaParameters):
         n = len(state)
         porosity, saturation = np.empty(n), np.empty(n)
         pressure = np.ascontiguousarray(state[:, PRESSURE])
-        fill_pores(self._pores, np.ascontiguousarray(state[:, EVP]), pressure, porosity, saturation)
+        fill_pores(self._packed[1], np.ascontiguousarray(state[:, EVP]), pressure, porosity, saturation)
         peak = np.array([self._surface_of(row).peak for row in state])
         kappa = peak - self.CR * (peak - state[:, STRENGTH] - 3.0 * pressure)
         derived = {"porosity": porosity, "saturation": saturation, "kappa": kappa}

@@ -3,9 +3,8 @@
 from typing import Literal
 
 import numpy as np
-from pydantic import Field, model_validator
-
 from periporo.materials.base import MaterialParameters
+from pydantic import Field, model_validator
 
 
 def _field(default, description, unit="1", **bounds):
@@ -20,7 +19,7 @@ class ArenaParameters(MaterialParameters):
     initial_porosity: float = _field(0.40, "porosity at the start", gt=0, lt=1)
     initial_saturation: float = _field(0.5, "water's share of the pores at the start", ge=0, le=1)
     initial_fluid_pressure: float = _field(0.0, "gauge pore pressure at the start", "Pa", ge=0)
-    reference_porosity: float = _field(0.42, "porosity of the sand that the moduli were fitted to", gt=0, lt=1)
+    reference_porosity: float = _field(0.42, "porosity that the moduli were fitted at", gt=0, lt=1)
 
     p0: float = _field(1e3, "hydrostatic strength (I1) of the loose soil", "Pa", gt=0)
     p1: float = _field(482.68e6, "crush curve: stress scale", "Pa", gt=0)
@@ -48,7 +47,7 @@ class ArenaParameters(MaterialParameters):
 
     do_damage: bool = _field(False, "let the strength fade with the time spent yielding (Kayenta)")
     fspeed: float = _field(7.0, "speed of failure", gt=0)
-    time_at_failure: float = _field(800e-6, "time spent yielding at which half the strength is lost", "s", gt=0)
+    time_at_failure: float = _field(800e-6, "time of yielding until half the strength is gone", "s", gt=0)
     failed_PEAKI1: float | None = _field(None, "PEAKI1 of the failed soil; 1e-5 Pa", "Pa", ge=0)
     failed_FSLOPE: float | None = _field(None, "FSLOPE of the failed soil; half of FSLOPE", ge=0)
     failed_STREN: float | None = _field(None, "STREN of the failed soil; a tenth of STREN", "Pa", ge=0)
@@ -142,8 +141,8 @@ def surface_kind(peak: float, fslope: float, stren: float, yslope: float) -> str
     if fslope > yslope > 0 and stren > yslope * peak and peak >= 0:
         return "general"
     raise ValueError(
-        f"PEAKI1 = {peak}, FSLOPE = {fslope}, STREN = {stren}, YSLOPE = {yslope} make no yield surface; allowed: "
-        "linear Drucker-Prager: FSLOPE > 0, STREN = YSLOPE = 0; "
+        f"PEAKI1 = {peak}, FSLOPE = {fslope}, STREN = {stren}, YSLOPE = {yslope} make no yield surface; "
+        "allowed: linear Drucker-Prager: FSLOPE > 0, STREN = YSLOPE = 0; "
         "von Mises: STREN > 0, the others 0; "
         "saturating: FSLOPE > 0, STREN > 0, PEAKI1 = YSLOPE = 0; "
         "general: FSLOPE > YSLOPE > 0, STREN > YSLOPE * PEAKI1, PEAKI1 >= 0"

@@ -5,31 +5,16 @@ hydrostatic compressive strength follow from it in closed form; nothing is integ
 """
 
 import math
-from typing import NamedTuple
 
-from periporo.core.jit import inlined, kernel
+from periporo.core.jit import kernel
+from periporo.materials.arena.compiled import inlined
+from periporo.materials.arena.constants import unpack_pores
 
 AIR_EXPONENT = 1.4  # gamma of air; K_a = gamma (p + p_r), p is the gauge pressure
 ATMOSPHERE = 101325.0  # p_r, Pa
 WATER_BULK_MODULUS = 2.21e9  # K_w0 at the reference pressure, Pa
 WATER_SLOPE = 6.029  # dK_w/dp
 WATER_REFERENCE = 1e-4  # Pa
-
-
-class Pores(NamedTuple):
-    """Constants of the pore space that kernels read; see `Arena` for the parameters behind them."""
-
-    phi0: float
-    saturation: float
-    pressure: float
-    logarithmic_water: bool
-    open_volume: float  # pore volume over its initial value at which the fluid is free of pressure
-    p0: float
-    p1: float  # scaled by the density
-    inverse_p2: float
-    p3: float
-    p1_sat: float
-    minimum_strength: float
 
 
 @inlined
@@ -120,8 +105,8 @@ def harden(c, evp, guess):
             dp = shrink / (c.phi0 * compressibility)
             stiffness = water_volume(c, p)[1] if c.p1_sat != 1.0 else 1.0
             ds = saturation * (1.0 - saturation) * (1.0 / (AIR_EXPONENT * (p + ATMOSPHERE)) - 1.0 / stiffness)
-    elif c.saturation > 0.0 and c.saturation < 1.0:
-        saturation = saturation_at(c, 0.0)
+    else:
+        saturation = c.open_saturation
     crush = dcrush = 0.0
     if evp > 0.0:
         ratio = -growth * (1.0 - c.phi0) / (c.phi0 * volume)  # phi0/phi - 1 without cancellation
@@ -151,8 +136,9 @@ def saturation_at(c, p):
 
 
 @kernel
-def fill_pores(c, evp, pressure, porosity, saturation):
+def fill_pores(pores, evp, pressure, porosity, saturation):
     """Fill `porosity` and `saturation` (n,) from the volumetric plastic strain and pore pressure (n,)."""
+    c = unpack_pores(pores)
     for b in range(evp.shape[0]):
         porosity[b] = porosity_at(c, evp[b])
         saturation[b] = saturation_at(c, pressure[b])

@@ -8,9 +8,9 @@ I1_eff(x) = I1_trial + 3 K x + 3 p(x), sqrt J2 = F(I1_eff; X_eff(x)), and normal
 
 import math
 
-from periporo.core.jit import inlined
+from periporo.materials.arena.compiled import inlined
 from periporo.materials.arena.pores import harden
-from periporo.materials.arena.surface import is_elastic, shear_limit, squared_limit, squared_limit_slopes
+from periporo.materials.arena.surface import holds, shear_limit, squared_limit, squared_limit_slopes
 
 SURFACE, NOSE, VERTEX = 0, 1, 2
 _NOSE_SHEAR = 1e-5  # trial q below this share of the surface's length goes to the nose directly
@@ -121,7 +121,7 @@ def backward_euler(c, y, bulk, shear, state, tr, e1, e2, guess, tolerance):
     u += 2.0 * shear * e1
     w += 2.0 * shear * e2
     j2 = 0.5 * (u * u + w * w)
-    if is_elastic(y, i1 + 3.0 * p, j2, strength, 0.0):
+    if holds(y, i1 + 3.0 * p, j2, strength):
         return i1, u, w, evp, p, strength
     q = math.sqrt(j2)
     x, f, p, strength = plastic_return(c, y, bulk, shear, i1, q, evp, p, strength, guess, tolerance)

@@ -5,38 +5,9 @@ Fc^2 = 1 - ((kappa - I1)/(kappa - X_eff))^2, kappa = PEAKI1 - CR (PEAKI1 - X_eff
 """
 
 import math
-from typing import NamedTuple
 
-from periporo.core.jit import inlined
-
-
-class Surface(NamedTuple):
-    """Coefficients of the yield surface and of the flow rule."""
-
-    a1: float
-    a2: float
-    a3: float
-    a4: float
-    peak: float
-    cap_ratio: float
-    flow: float  # 3/2 BETA^2
-
-
-class Strength(NamedTuple):
-    """The four parameters that damage and variability change, intact and failed."""
-
-    peak: float
-    fslope: float
-    stren: float
-    yslope: float
-    failed_peak: float
-    failed_fslope: float
-    failed_stren: float
-    failed_yslope: float
-    growth_speed: float
-    time_at_failure: float
-    cap_ratio: float
-    flow: float
+from periporo.materials.arena.compiled import inlined
+from periporo.materials.arena.constants import Surface
 
 
 @inlined
@@ -98,12 +69,18 @@ def squared_limit(y, i1, strength):
 
 
 @inlined
-def is_elastic(y, i1, j2, strength, tolerance):
-    """Whether the state lies inside the surface or on it; `tolerance` widens it by that share."""
-    width = tolerance * (y.peak - strength)
-    if i1 < strength - width or i1 > y.peak + width:
+def holds(y, i1, j2, strength):
+    """Whether the surface holds the state: inside or exactly on it."""
+    return i1 >= strength and i1 <= y.peak and j2 <= squared_limit(y, i1, strength)
+
+
+@inlined
+def is_clear(y, i1, j2, strength, margin):
+    """Whether the state is inside by more than `margin` (share of the surface's length)."""
+    width = margin * (y.peak - strength)
+    if i1 < strength + width or i1 > y.peak - width:
         return False
-    limit = math.sqrt(squared_limit(y, min(max(i1, strength), y.peak), strength)) + width
+    limit = math.sqrt(squared_limit(y, i1, strength)) - width
     return limit >= 0.0 and j2 <= limit * limit
 
 
