@@ -199,8 +199,12 @@ def _check_calls(rows: _Rows) -> None:
         raise ShapeError(
             f"{rows.law}.compute_stress left `stress` as it was; assign to stress[:], not to the name"
         )
-    none = rows.stress[:0].copy(), increment[:0].copy(), rows.state[:0].copy()
-    rows.material.compute_stress(*none, 1e-5)  # a rank may own no row of a material
+    try:
+        rows.after(rows.stress[:0], increment[:0], rows.state[:0], 1e-5)
+    except Exception as error:
+        raise ShapeError(
+            f"{rows.law}.compute_stress fails for zero rows ({error}); a rank may own none of a material"
+        ) from error
 
 
 def _check_walk(rows: _Rows):

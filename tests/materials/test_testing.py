@@ -1,0 +1,243 @@
+"""The conformance kit: every installed law passes, and every breach is found and named."""
+
+import numpy as np
+import pytest
+
+from periporo.materials import registry, testing
+from periporo.materials.cam_clay import CamClay
+from periporo.materials.drucker_prager import DruckerPrager
+from periporo.materials.elastic import Elastic
+from periporo.materials.protocol import Material, StateField
+from periporo.materials.testing import check_material
+
+LAWS = sorted(name for name in registry.available() if hasattr(registry.load(name), "example"))
+VARIANTS = {
+    "unsaturated": CamClay.example().for_unsaturated(),
+    "rate-independent": CamClay.example().model_copy(update={"viscosity": 0.0, "report_dissipation": True}),
+    "slow": CamClay.example().model_copy(update={"viscosity": 1e9}),
+    "undrained": DruckerPrager.example().model_copy(update={"friction_angle": 0.0, "dilation_angle": 0.0}),
+    "associated": DruckerPrager.example().model_copy(
+        update={"dilation_angle": 35.0, "report_dissipation": True}
+    ),
+}
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("name", LAWS)
+def test_every_installed_law_conforms(name, dimension):
+    material = registry.load(name).example()
+    assert isinstance(material, Material)
+    report = check_material(material, dimension)
+    assert (report.law, report.dimension) == (type(material).__name__, dimension)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("name", VARIANTS)
+def test_variants_of_the_soils_conform(name, dimension):
+    """Plastic laws lose energy in a closed cycle: the work is positive."""
+    assert check_material(VARIANTS[name], dimension, seed=1).cycle_energy > 0.0
+
+
+def test_all_built_in_laws_are_covered():
+    assert {"elastic", "cam_clay", "drucker_prager"} <= set(LAWS)
+
+
+def test_elastic_cycle_returns_its_work():
+    assert abs(check_material(Elastic.example()).cycle_energy) < 1e-9
+
+
+class Sound:
+    """A conforming law that the breaches below are made from: elastic, with a counter of strain as state."""
+
+    density = 1700.0
+    state_fields = (StateField("path_length", "1"), StateField("strain", "1", kind="tensor"))
+    bulk, shear = 25e6, 15e6
+
+    def initial_state(self, stress, ids, volume):
+        return np.zeros((len(stress), 1 + stress.shape[1]))
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        stress += 2 * self.shear * strain_increment
+        stress[:, :3] += (self.bulk - 2 / 3 * self.shear) * strain_increment[:, :3].sum(axis=1, keepdims=True)
+        squares = strain_increment**2
+        state[:, 0] += np.sqrt(squares.sum(axis=1) + squares[:, 3:].sum(axis=1))
+        state[:, 1:] += strain_increment
+
+    def elastic_moduli(self, stress, state):
+        return np.full(len(stress), self.bulk), np.full(len(stress), self.shear)
+
+
+def test_the_sound_law_conforms():
+    for dimension in (2, 3):
+        assert abs(check_material(Sound(), dimension).cycle_energy) < 1e-9
+
+
+class NoDensity(Sound):
+    density = 0.0
+
+
+class ListOfFields(Sound):
+    state_fields = [StateField("path_length", "1")]
+
+
+class BadMerge(Sound):
+    state_fields = (StateField("path_length", "1", merge="median"), Sound.state_fields[1])
+
+
+class BadKind(Sound):
+    state_fields = (StateField("path_length", "1", kind="vector"), Sound.state_fields[1])
+
+
+class SameName(Sound):
+    state_fields = (StateField("strain", "1"), Sound.state_fields[1])
+
+
+class NoMethod(Sound):
+    elastic_moduli = None
+
+
+class LogOfZero(Sound):
+    state_fields = (StateField("path_length", "1", merge="log_mean"), Sound.state_fields[1])
+
+
+class NarrowState(Sound):
+    def initial_state(self, stress, ids, volume):
+        return np.zeros((len(stress), 1))
+
+
+class IntegerState(Sound):
+    def initial_state(self, stress, ids, volume):
+        return np.zeros((len(stress), 1 + stress.shape[1]), dtype=int)
+
+
+class Returns(Sound):
+    def compute_stress(self, stress, strain_increment, state, dt):
+        super().compute_stress(stress, strain_increment, state, dt)
+        return stress
+
+
+class Rebinds(Sound):
+    def compute_stress(self, stress, strain_increment, state, dt):
+        stress = stress + 2 * self.shear * strain_increment
+
+
+class NeedsRows(Sound):
+    def compute_stress(self, stress, strain_increment, state, dt):
+        super().compute_stress(stress, strain_increment, state, dt)
+        assert len(stress) > 0, "nothing to do"
+
+
+class ChangesIncrement(Sound):
+    def compute_stress(self, stress, strain_increment, state, dt):
+        super().compute_stress(stress, strain_increment, state, dt)
+        strain_increment *= 2.0
+
+
+class NegativeModulus(Sound):
+    def elastic_moduli(self, stress, state):
+        return np.full(len(stress), self.bulk), np.full(len(stress), -1.0)
+
+
+class ScalarModulus(Sound):
+    def elastic_moduli(self, stress, state):
+        return self.bulk, self.shear
+
+
+class Drifts(Sound):
+    def compute_stress(self, stress, strain_increment, state, dt):
+        super().compute_stress(stress, strain_increment, state, dt)
+        stress[:, :3] -= 1.0
+
+
+class IgnoresTime(Sound):
+    """Relaxes by the same share however short the step is."""
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        super().compute_stress(stress, strain_increment, state, dt)
+        if np.isfinite(dt):
+            stress *= 0.9
+
+
+class Anisotropic(Sound):
+    def compute_stress(self, stress, strain_increment, state, dt):
+        super().compute_stress(stress, strain_increment, state, dt)
+        stress[:, 0] += 1e3 * strain_increment[:, 0]
+
+
+class EngineeringShear(Sound):
+    def compute_stress(self, stress, strain_increment, state, dt):
+        super().compute_stress(stress, strain_increment, state, dt)
+        stress[:, 3:] -= self.shear * strain_increment[:, 3:]
+
+
+class UndeclaredTensor(Sound):
+    """Keeps one component of strain as a scalar."""
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        super().compute_stress(stress, strain_increment, state, dt)
+        state[:, 0] += strain_increment[:, 0]
+
+
+class MixesRows(Sound):
+    def compute_stress(self, stress, strain_increment, state, dt):
+        super().compute_stress(stress, strain_increment, state, dt)
+        stress += 1e-6 * self.bulk * np.abs(strain_increment).max(initial=0.0)
+
+
+class RandomStart(Sound):
+    def initial_state(self, stress, ids, volume):
+        state = super().initial_state(stress, ids, volume)
+        state[:, 0] = np.random.default_rng().normal(size=len(stress))
+        return state
+
+
+class NaNInTension(Sound):
+    def compute_stress(self, stress, strain_increment, state, dt):
+        super().compute_stress(stress, strain_increment, state, dt)
+        with np.errstate(invalid="ignore"):
+            state[:, 0] += 0.0 * np.sqrt(-stress[:, :3].sum(axis=1))
+
+
+class Dissipates(Sound):
+    conservative = True
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        super().compute_stress(stress, strain_increment, state, dt)
+        norm = np.sqrt(np.sum(strain_increment**2, axis=1) + np.sum(strain_increment[:, 3:] ** 2, axis=1))
+        stress[:, :3] -= 0.01 * self.bulk * norm[:, None]
+
+
+@pytest.mark.parametrize(
+    "law, error, hint",
+    [
+        (NoDensity, testing.DeclarationError, "positive number in kg/m"),
+        (ListOfFields, testing.DeclarationError, "must be a tuple"),
+        (BadMerge, testing.DeclarationError, "'mean' or 'log_mean'"),
+        (BadKind, testing.DeclarationError, "'scalar' or 'tensor'"),
+        (SameName, testing.DeclarationError, "that no other has"),
+        (NoMethod, testing.DeclarationError, "no method `elastic_moduli`"),
+        (LogOfZero, testing.DeclarationError, "starts at 0"),
+        (NarrowState, testing.ShapeError, "must give a float64 array"),
+        (IntegerState, testing.ShapeError, "must give a float64 array"),
+        (Returns, testing.ShapeError, "return None"),
+        (Rebinds, testing.ShapeError, r"assign to stress\[:\]"),
+        (NeedsRows, testing.ShapeError, "fails for zero rows"),
+        (ChangesIncrement, testing.ShapeError, "work on a copy"),
+        (NegativeModulus, testing.ModuliError, "shear modulus"),
+        (ScalarModulus, testing.ModuliError, "bulk modulus"),
+        (Drifts, testing.ZeroIncrementError, "dt = inf"),
+        (IgnoresTime, testing.ZeroIncrementError, "dt = 1e-30"),
+        (Anisotropic, testing.FrameError, "in turned axes"),
+        (EngineeringShear, testing.FrameError, "factor 2"),
+        (UndeclaredTensor, testing.FrameError, "state column 0"),
+        (MixesRows, testing.SplitError, "alone"),
+        (RandomStart, testing.SplitError, "seed random numbers by ids"),
+        (NaNInTension, testing.NonFiniteError, "random walk"),
+        (Dissipates, testing.CycleEnergyError, "drop `conservative`"),
+    ],
+)
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_breaches_are_named(law, error, hint, dimension):
+    with pytest.raises(error, match=hint) as caught:
+        check_material(law(), dimension)
+    assert isinstance(caught.value, AssertionError) and law.__name__ in str(caught.value)
