@@ -7,6 +7,7 @@ from periporo.materials.protocol import Material
 
 _WANTED = 1e-11  # error of a prescribed stress, of the largest stress or of 1e-6 K
 _ACCEPTED = 1e-7  # the same, where a law's own tolerance stops Newton's method before
+_RANK = 1e-6  # singular values of a tangent that are smaller, relative to the largest, are noise
 _MAX_ITERATIONS = 40
 _LINE_SEARCH = 0.5 ** np.arange(8)
 
@@ -111,4 +112,4 @@ class MaterialPoint:
         trials[count + np.arange(count), unknown] -= size
         residuals = self._residuals(trials, unknown, target, dt)
         tangent = (residuals[:count] - residuals[count:]).T / (2 * size)
-        return -np.linalg.lstsq(tangent, residual, rcond=None)[0]
+        return -np.linalg.lstsq(tangent, residual, rcond=_RANK)[0]

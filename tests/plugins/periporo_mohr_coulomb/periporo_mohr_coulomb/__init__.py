@@ -1,0 +1,1 @@
+"""Mohr-Coulomb soil for periporo."""
