@@ -17,10 +17,11 @@ class PrescribedMotion:
     def __init__(self, ids: np.ndarray, velocities: dict[int, Callable[[float], float]]):
         self.ids = ids
         self.velocities = velocities
+        self._found = None
 
     def apply(self, p: Particles, time: float, closing_step: bool) -> None:
         """Impose the velocity of `time`: after the first kick, or after the second (`closing_step`)."""
-        rows = np.flatnonzero(np.isin(p.id[: p.owned], self.ids, assume_unique=True))
+        rows = self._rows(p)
         for axis, function in self.velocities.items():
             kicked, before = p.velocity[rows, axis], p.previous_velocity[rows, axis]
             imposed = np.full(len(rows), function(time))
@@ -30,6 +31,19 @@ class PrescribedMotion:
             if closing_step:
                 p.work[rows, INTEGRATION] += 0.5 * mass * ((imposed - before) ** 2 - (kicked - before) ** 2)
             p.velocity[rows, axis] = imposed
+
+
+    def hold_zero(self, p: Particles, free: np.ndarray) -> None:
+        """Set the prescribed components of `free` (owned, d) to zero."""
+        rows = self._rows(p)
+        for axis in self.velocities:
+            free[rows, axis] = 0.0
+
+    def _rows(self, p):
+        """Owned rows of the points; found anew when a rebuild has moved them."""
+        if self._found is None or self._found[0] is not p.id:
+            self._found = p.id, np.flatnonzero(np.isin(p.id[: p.owned], self.ids, assume_unique=True))
+        return self._found[1]
 
 
 class Gravity:

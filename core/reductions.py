@@ -60,3 +60,20 @@ def _to_float(mantissa: int, exponent: int) -> float:
     excess = max(mantissa.bit_length() - 64, 0)
     sticky = 1 if mantissa & ((1 << excess) - 1) else 0
     return math.ldexp(float((mantissa >> excess) | sticky), exponent + excess)
+
+
+def quantile(comm: MPI.Comm, values: np.ndarray, share: float) -> float:
+    """Smallest value that at least `share` of all values of all ranks do not exceed; NaN if there are none."""
+    count = comm.allreduce(len(values))
+    if count == 0:
+        return math.nan
+    low, high = minimum(comm, float(values.min(initial=math.inf))), maximum(comm, float(values.max(initial=-math.inf)))
+    while True:  # by bisection down to neighbouring numbers
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            break
+        if comm.allreduce(int((values <= middle).sum())) >= share * count:
+            high = middle
+        else:
+            low = middle
+    return low if comm.allreduce(int((values <= low).sum())) >= share * count else high

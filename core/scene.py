@@ -7,6 +7,7 @@ import numpy as np
 from periporo.contact.rigid import Box, Plane, RigidContact
 from periporo.core.boundary import Gravity, PrescribedMotion, Traction, ViscousDamping
 from periporo.core.correspondence.bond_projected import BondProjected
+from periporo.core.fields import StrainMeasures
 from periporo.core.particles import Particles
 from periporo.core.simulation import Simulation
 from periporo.core.stages import DynamicsStage, RelaxStage
@@ -27,8 +28,10 @@ def build(scene, comm) -> Simulation:
     sim = Simulation(
         comm, particles, materials, scheme, spacing=scene.spacing, skin=SKIN * scene.spacing, time_step=time_step
     )
-    if scene.gravity is not None:
-        sim.forces.need("external")
+    sim.forces.need("external")
+    strains = StrainMeasures()
+    strains.attach(particles)
+    sim.point_processes.append(strains)
     contacts = [(c, _contact(scene, c, k, materials)) for k, c in enumerate(scene.contacts)]
     for _, contact in contacts:
         contact.attach(particles, sim.forces)
@@ -87,7 +90,7 @@ def _initial_stress(scene, materials, lattices):
     gravity = scene.vector(scene.gravity)
     strength = math.sqrt(float(gravity @ gravity))
     up = -gravity / strength
-    vertical = int(np.argmax(np.abs(up)))
+    vertical = vertical_axis(scene)
     level = initial.surface
     if level is None:
         level = max(float(max(lattice.lower @ up, lattice.upper @ up)) for lattice in lattices)
@@ -101,6 +104,12 @@ def _initial_stress(scene, materials, lattices):
         return stress
 
     return geostatic
+
+
+def vertical_axis(scene) -> int:
+    """Axis along gravity, the last one without gravity."""
+    gravity = scene.vector(scene.gravity)
+    return int(np.argmax(np.abs(gravity))) if gravity.any() else scene.dimension - 1
 
 
 def _contact(scene, contact, number, materials):

@@ -1,0 +1,109 @@
+"""The command line: `periporo config.yaml` runs a scene, other words name the tools around it."""
+
+import argparse
+import importlib
+import os
+import sys
+import traceback
+
+TOOLS = {  # word -> module with add_arguments and run, and what it does
+    "plot": ("periporo.io.plots", "draw the deposit, the histories and the energy ledger of a result file"),
+    "info": ("periporo.io.info", "summarise a result file"),
+    "compare": ("periporo.io.compare", "compare two result files"),
+    "export": ("periporo.io.export", "export a result file to VTU and CSV"),
+    "report": ("periporo.io.report", "make one HTML page of a result file"),
+    "drive": ("periporo.materials.driver", "run one material point along a path"),
+}
+INPUT_ERROR, RUN_ERROR = 2, 3
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Entry point; returns the exit status: 0 done, 1 differences found, 2 bad input, 3 the run failed."""
+    argv = sys.argv[1:] if argv is None else argv
+    words = (*TOOLS, "run", "check")
+    if argv and argv[0] not in words and not argv[0].startswith("-"):
+        argv = ["run", *argv]
+    arguments = _parser().parse_args(argv)
+    if arguments.word in ("run", "check"):
+        return _simulate(arguments)
+    return _use_tool(arguments)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="periporo", description="Extreme deformation of soils by updated-Lagrangian periporomechanics."
+    )
+    words = parser.add_subparsers(dest="word", required=True, metavar="WORD")
+    run = words.add_parser("run", help="run a scene; the word may be left out: periporo config.yaml")
+    run.add_argument("config", help="YAML file of the scene")
+    run.add_argument("--overwrite", action="store_true", help="replace an existing result file")
+    run.add_argument("--no-plot", action="store_true", help="write no pictures at the end")
+    run.add_argument("--quiet", action="store_true", help="no progress display")
+    check = words.add_parser("check", help="check a scene and say what it will cost, without running it")
+    check.add_argument("config", help="YAML file of the scene")
+    for word, (module, text) in TOOLS.items():
+        tool = words.add_parser(word, help=text)
+        importlib.import_module(module).add_arguments(tool)
+        tool.set_defaults(module=module)
+    return parser
+
+
+def _use_tool(arguments) -> int:
+    from periporo.io.results import ResultError
+    from periporo.io.writer import OutputError
+
+    try:
+        return importlib.import_module(arguments.module).run(arguments)
+    except (ResultError, OutputError, ImportError, OSError) as error:
+        print(f"periporo {arguments.word}: {error}", file=sys.stderr)
+        return INPUT_ERROR
+
+
+def _simulate(arguments) -> int:
+    _refuse_foreign_launcher()
+    from mpi4py import MPI
+
+    from periporo.core.relaxation import RelaxationError
+    from periporo.core.run import check_scene, run_scene
+    from periporo.io.input_errors import InputError
+    from periporo.io.writer import OutputError
+
+    comm = MPI.COMM_WORLD
+    try:
+        if arguments.word == "check":
+            return check_scene(arguments.config, comm)
+        return run_scene(arguments, comm)
+    except (InputError, OutputError, RelaxationError) as error:  # the same on all ranks
+        if comm.rank == 0:
+            print(f"periporo: {error}", file=sys.stderr, flush=True)
+        comm.Barrier()
+        return RUN_ERROR if isinstance(error, RelaxationError) else INPUT_ERROR
+    except BaseException:
+        if comm.size == 1:
+            raise
+        print(f"periporo: rank {comm.rank} failed:\n{traceback.format_exc()}", file=sys.stderr, flush=True)
+        comm.Abort(1)
+        raise
+
+
+def _refuse_foreign_launcher() -> None:
+    """Another MPI's mpirun starts unconnected copies of a program built on mpich: say so instead.
+
+    Open MPI sets OMPI_COMM_WORLD_SIZE, which an mpich library does not understand.
+    """
+    from mpi4py import MPI
+
+    launched = int(os.environ.get("OMPI_COMM_WORLD_SIZE", "1"))
+    if launched > 1 and MPI.COMM_WORLD.size == 1:
+        name, version = MPI.get_vendor()
+        print(
+            f"periporo: started by Open MPI's mpirun as {launched} processes, but mpi4py here is built on {name} "
+            f"{'.'.join(map(str, version))}, so they do not see each other. Use the mpirun that belongs to it "
+            "(with the extra 'mpi': the one in the environment's bin folder).",
+            file=sys.stderr,
+        )
+        raise SystemExit(INPUT_ERROR)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

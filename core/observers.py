@@ -1,0 +1,134 @@
+"""What looks at a simulation after each step without changing it: results, histories, progress."""
+
+import numpy as np
+
+from periporo.core import fields
+from periporo.core.reductions import maximum
+
+
+class Observer:
+    """Called around stages and after each step."""
+
+    def start_stage(self, sim, stage) -> None:
+        """A stage begins."""
+
+    def after_step(self, sim) -> None:
+        """A step is done."""
+
+    def finish_stage(self, sim, stage, summary: str) -> None:
+        """A stage is over; `summary` says how."""
+
+
+class ResultObserver(Observer):
+    """Writes the points at the start of a dynamics stage, every `interval` s, and at the end of each stage."""
+
+    def __init__(self, writer, names, interval: float | None):
+        self.writer = writer
+        self.names = tuple(names)
+        self.interval = interval
+        self._stage_interval = np.inf
+        self._next = np.inf
+        self._last_step = -1
+
+    def start_stage(self, sim, stage) -> None:
+        """Write the start of a dynamics stage."""
+        duration = getattr(stage, "duration", None)
+        if duration is None:
+            self._next = np.inf
+            return
+        self._stage_interval = self.interval or duration / 50
+        self._next = sim.time + self._stage_interval
+        self._write(sim)
+
+    def after_step(self, sim) -> None:
+        """Write if an output time has been reached; the time step is never cut for it."""
+        if sim.time >= self._next:
+            self._write(sim)
+            while self._next <= sim.time:
+                self._next += self._stage_interval
+
+    def finish_stage(self, sim, stage, summary) -> None:
+        """Write the end of a dynamics stage, or of a scene that only relaxes."""
+        if hasattr(stage, "duration") or stage is sim.stages[-1]:
+            self._write(sim)
+
+    def _write(self, sim) -> None:
+        if self._last_step == sim.step_number:
+            return
+        self._last_step = sim.step_number
+        p, n = sim.particles, sim.particles.owned
+        self.writer.write(sim.time, sim.step_number, p.id[:n], p.position[:n], fields.values(sim, self.names))
+
+
+class HistoryObserver(Observer):
+    """Records global figures every `interval` steps: time, energies, extent, speed."""
+
+    UNITS = {
+        "time": "s", "dt": "s", "kinetic_energy": "J", "internal_energy": "J", "external_work": "J",
+        "contact_energy": "J", "friction_dissipation": "J", "damping_dissipation": "J", "prescribed_work": "J",
+        "integration_term": "J", "energy_residual": "J", "max_speed": "m/s", "front": "m", "height": "m",
+    }  # fmt: skip
+
+    def __init__(self, writer, interval: int, vertical: int):
+        self.writer = writer
+        self.interval = interval
+        self.vertical = vertical
+        self.latest: dict[str, float] = {}
+
+    def start_stage(self, sim, stage) -> None:
+        """Record the start."""
+        self._record(sim)
+
+    def after_step(self, sim) -> None:
+        """Record if it is time."""
+        if sim.step_number % self.interval == 0:
+            self._record(sim)
+
+    def finish_stage(self, sim, stage, summary) -> None:
+        """Record the end."""
+        self._record(sim)
+
+    def _record(self, sim) -> None:
+        if self.latest.get("step") == sim.step_number:
+            return
+        p, n = sim.particles, sim.particles.owned
+        x = p.position[:n]
+        up = x[:, self.vertical]
+        across = np.delete(x, self.vertical, axis=1)
+        half = 0.5 * sim.spacing  # a point stands for a cell
+        speed = np.sqrt((p.velocity[:n] ** 2).sum(axis=1).max(initial=0.0))
+        self.latest = {
+            "step": sim.step_number,
+            "time": sim.time,
+            "dt": sim.dt,
+            **sim.ledger.entries(),
+            "max_speed": maximum(sim.comm, speed),
+            "front": maximum(sim.comm, float(np.abs(across).max(initial=0.0))) + half,
+            "height": maximum(sim.comm, float(up.max(initial=-np.inf))) + half,
+        }
+        self.writer.append_history(self.latest)
+
+
+class ProgressObserver(Observer):
+    """Feeds the progress display with the latest history entry."""
+
+    def __init__(self, progress, history: HistoryObserver):
+        self.progress = progress
+        self.history = history
+
+    def start_stage(self, sim, stage) -> None:
+        """Announce the stage."""
+        points = sim.comm.allreduce(sim.particles.owned)
+        self.progress.start_stage(stage.name, getattr(stage, "end_time", None), points)
+
+    def after_step(self, sim) -> None:
+        """Show the state."""
+        latest = self.history.latest
+        self.progress.update(
+            sim.time, sim.dt, sim.step_number, kinetic_energy=latest["kinetic_energy"],
+            internal_energy=latest["internal_energy"], max_speed=latest["max_speed"], rebuilds=sim.rebuild_count,
+        )  # fmt: skip
+
+    def finish_stage(self, sim, stage, summary) -> None:
+        """Say how it ended."""
+        self.progress.finish_stage(summary)
