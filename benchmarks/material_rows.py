@@ -1,0 +1,59 @@
+"""Time per row of the built-in laws: python benchmarks/material_rows.py [rows]"""
+
+import sys
+import time
+
+import numpy as np
+
+from periporo.core.tensors import equivalent_shear
+from periporo.materials.cam_clay import CamClay
+from periporo.materials.drucker_prager import DruckerPrager
+from periporo.materials.elastic import Elastic
+
+REPEATS = 20
+
+
+def rows_in_shear(material, count, components, strain):
+    """Rows at 1-100 kPa that have flowed in shear before, and increments that go on."""
+    rng = np.random.default_rng(0)
+    stress = np.zeros((count, components))
+    stress[:, :3] = -(10 ** rng.uniform(3, 5, (count, 1)))
+    state = material.initial_state(stress, np.zeros((count, 2), dtype=np.int64), np.ones(count))
+    direction = rng.normal(size=(count, components))
+    direction[:, :3] -= direction[:, :3].mean(axis=1, keepdims=True)
+    direction /= equivalent_shear(direction)[:, None]
+    for _ in range(20):
+        material.compute_stress(stress, 1e-3 * direction, state, 2e-5)
+    return stress, strain * direction, state
+
+
+def nanoseconds(material, stress, increment, state):
+    """Shortest time per row of several calls."""
+    best = np.inf
+    for _ in range(REPEATS):
+        s, q = stress.copy(), state.copy()
+        start = time.perf_counter()
+        material.compute_stress(s, increment, q, 2e-5)
+        best = min(best, time.perf_counter() - start)
+    return 1e9 * best / len(stress)
+
+
+def main():
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
+    clay = CamClay.example()
+    laws = {
+        "elastic": Elastic.example(),
+        "drucker_prager": DruckerPrager.example(),
+        "cam_clay, eta = 0": clay.model_copy(update={"viscosity": 0.0}),
+        "cam_clay, eta = 1e3": clay,
+        "cam_clay, eta = 1e8": clay.model_copy(update={"viscosity": 1e8}),
+    }
+    print(f"ns per row, {count} rows{'':8}4 components{'':4}6 components")
+    for name, law in laws.items():
+        for strain, what in ((1e-6, "small steps"), (1e-4, "large steps"), (-1e-6, "unloading")):
+            times = [nanoseconds(law, *rows_in_shear(law, count, c, strain)) for c in (4, 6)]
+            print(f"{name:20} {what:12} {times[0]:12.1f} {times[1]:15.1f}")
+
+
+if __name__ == "__main__":
+    main()
