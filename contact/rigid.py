@@ -32,7 +32,7 @@ class Plane:
 
     def gap(self, position):
         """See `Surface.gap`."""
-        gap = (position - self.point) @ self.normal
+        gap = ((position - self.point) * self.normal).sum(axis=1)  # not by BLAS: its last bit depends on n
         return gap, np.broadcast_to(self.normal, position.shape)
 
 

@@ -165,18 +165,23 @@ class Bonds:
         it), followed by one return mapping without a strain increment. A point without active rows has no
         say; a row between two such points starts from `initial_stress`, or zero.
         """
-        newborn = [_update_activity(b.pair, self.pairs.first, self.pairs.second, self.pairs.weight,
-                                    particles.share, b.active) for b in self.blocks]  # fmt: skip
-        if not any(len(rows) for rows in newborn):
-            return
+        # averages still count rows that end now: so do those that arrived from the ghosts' owners
+        newborn = [_newborn_rows(b.pair, self.pairs.first, self.pairs.second, self.pairs.weight,
+                                 particles.share, b.active) for b in self.blocks]  # fmt: skip
+        if any(len(rows) for rows in newborn):
+            self._average_ends(particles, newborn)
+        for block, rows in zip(self.blocks, newborn, strict=True):
+            _deactivate(block.pair, self.pairs.first, self.pairs.second, self.pairs.weight, particles.share,
+                        block.active)  # fmt: skip
+            if len(rows):
+                self._initialise(block, rows, particles, dt)
+                block.active[rows] = True
+
+    def _average_ends(self, particles, newborn):
         ends = [np.concatenate([self.pairs.first[b.pair[r]], self.pairs.second[b.pair[r]]])
                 for b, r in zip(self.blocks, newborn, strict=True)]  # fmt: skip
         points = np.unique(np.concatenate(ends)).astype(np.int64)
         self.average(particles, points[points < particles.owned])
-        for block, rows in zip(self.blocks, newborn, strict=True):
-            if len(rows):
-                self._initialise(block, rows, particles, dt)
-                block.active[rows] = True
 
     def _initialise(self, block, rows, particles, dt):
         average = getattr(particles, block.average)
@@ -262,25 +267,30 @@ def _incidence(first, second, pair, points):
 
 
 @kernel
-def _update_activity(pair, first, second, weight, share, active):
-    """Deactivate rows that left the horizon or lost an end; the row numbers of those that came in."""
+def _newborn_rows(pair, first, second, weight, share, active):
+    """Numbers of the rows that are about to become active."""
     found = 0
     for r in range(pair.shape[0]):
-        b = pair[r]
-        alive = weight[b] > 0.0 and share[first[b], 1] > 0.0 and share[second[b], 1] > 0.0
-        if not alive:
-            active[r] = False
-        elif not active[r]:
-            found += 1
+        found += not active[r] and weight[pair[r]] > 0.0
     rows = np.empty(found, np.int64)
-    if found > 0:
-        k = 0
-        for r in range(pair.shape[0]):
-            b = pair[r]
-            if not active[r] and weight[b] > 0.0 and share[first[b], 1] > 0.0 and share[second[b], 1] > 0.0:
-                rows[k] = r
-                k += 1
-    return rows
+    if found == 0:
+        return rows
+    k = 0
+    for r in range(pair.shape[0]):
+        b = pair[r]
+        if not active[r] and weight[b] > 0.0 and share[first[b], 1] > 0.0 and share[second[b], 1] > 0.0:
+            rows[k] = r
+            k += 1
+    return rows[:k]
+
+
+@kernel
+def _deactivate(pair, first, second, weight, share, active):
+    """Take activity from rows that left the horizon or lost an end."""
+    for r in range(pair.shape[0]):
+        b = pair[r]
+        if active[r] and not (weight[b] > 0.0 and share[first[b], 1] > 0.0 and share[second[b], 1] > 0.0):
+            active[r] = False
 
 
 @kernel

@@ -32,7 +32,8 @@ def exchange_rows(comm: MPI.Comm, outgoing: dict[int, np.ndarray], width: int) -
 
 def pack(arrays: list[np.ndarray]) -> np.ndarray:
     """Columns of 8-byte arrays side by side as float64 rows; integers keep their bits."""
-    return np.hstack([np.ascontiguousarray(a).reshape(len(a), -1).view(np.float64) for a in arrays])
+    columns = [a[:, None] if a.ndim == 1 else a for a in arrays]
+    return np.hstack([np.ascontiguousarray(a).view(np.float64) for a in columns])
 
 
 class Halo:
@@ -67,7 +68,7 @@ class Halo:
 
     def rebuild(self, particles: Particles, domain: Domain, owned: dict[str, np.ndarray], reach: float) -> None:
         """Install the `owned` fields and find every ghost within `reach` m of this rank's box."""
-        self._free()
+        self.close()
         comm = self.comm
         self.sends, counts = {}, np.zeros(comm.size, np.int64)
         if comm.size > 1:
@@ -99,7 +100,8 @@ class Halo:
         self.bytes_sent += exchange.bytes
         self.messages_sent += len(self.sends)
 
-    def _free(self) -> None:
+    def close(self) -> None:
+        """Free the persistent requests."""
         for exchange in self._exchanges.values():
             exchange.free()
         self._exchanges = {}

@@ -97,7 +97,7 @@ def _initial_stress(scene, materials, lattices):
     density = materials[0].density
 
     def geostatic(position):
-        depth = np.maximum(level - position @ up, 0.0)
+        depth = np.maximum(level - (position * up).sum(axis=1), 0.0)
         stress = np.zeros((len(position), components))
         stress[:, :3] = (-initial.K0 * density * strength * depth)[:, None]
         stress[:, vertical] = -density * strength * depth

@@ -135,8 +135,11 @@ def _observed(point: MaterialPoint) -> dict[str, float]:
             values[name] = point.state[0, column]
             column += 1
     if hasattr(point.material, "derived_state"):
-        derived = point.material.derived_state(point.stress, point.state)
-        values |= {name: array[0] for name, array in derived.items()}
+        for name, array in point.material.derived_state(point.stress, point.state).items():
+            if array.ndim == 1:
+                values[name] = array[0]
+            else:
+                values |= {f"{name}_{c}": v for c, v in zip(COMPONENTS, array[0], strict=True)}
     return {name: float(value) for name, value in values.items()}
 
 

@@ -14,7 +14,7 @@ from periporo.materials.arena.constants import (
 from periporo.materials.arena.elasticity import moduli, pore_fluid
 from periporo.materials.arena.integrate import advance, mean_moduli
 from periporo.materials.arena.pores import harden
-from periporo.materials.arena.surface import holds, weakened_surface
+from periporo.materials.arena.surface import holds, squared_limit, weakened_surface
 
 EVP, PRESSURE, STRENGTH, FAILURES = 0, 1, 2, 3
 """Columns that every Arena state begins with; the optional ones follow."""
@@ -240,3 +240,26 @@ def fill_initial(pores, surface, strengths, columns, i1, j2, state):
         state[b, EVP] = evp
         state[b, PRESSURE] = p
         state[b, STRENGTH] = x - 3.0 * p
+
+
+@kernel
+def fill_yield(surface, strengths, columns, i1, j2, state, peak, excess):
+    """Fill each row's current PEAKI1 `peak` and its distance `excess` (n,) beyond the yield surface.
+
+    The distance is a share of the surface's length: along sqrt J2 within its range of I1, along I1 beyond.
+    """
+    y_all = unpack_surface(surface)
+    strength = unpack_strength(strengths)
+    time_column, factor_column = columns[0], columns[1]
+    for b in range(state.shape[0]):
+        y = y_all
+        if time_column >= 0 or factor_column >= 0:
+            growth = state[b, time_column] if time_column >= 0 else -1.0
+            y = weakened_surface(strength, state[b, factor_column] if factor_column >= 0 else 1.0, growth)
+        peak[b] = y.peak
+        pressure = state[b, PRESSURE]
+        nose = state[b, STRENGTH] + 3.0 * pressure
+        effective = i1[b] + 3.0 * pressure
+        beyond = max(nose - effective, effective - y.peak)
+        limit = math.sqrt(max(squared_limit(y, min(max(effective, nose), y.peak), nose), 0.0))
+        excess[b] = max(beyond, math.sqrt(j2[b]) - limit) / (y.peak - nose)

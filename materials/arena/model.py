@@ -8,7 +8,7 @@ from periporo.core import tensors
 from periporo.materials.arena import pores as pore_space
 from periporo.materials.arena.constants import Control, Elasticity, Pores, Strength, Surface, pack
 from periporo.materials.arena.elasticity import fill_moduli
-from periporo.materials.arena.kernel import EVP, FAILURES, PRESSURE, STRENGTH, fill_initial, update_rows
+from periporo.materials.arena.kernel import EVP, FAILURES, PRESSURE, STRENGTH, fill_initial, fill_yield, update_rows
 from periporo.materials.arena.parameters import ArenaParameters
 from periporo.materials.arena.pores import fill_pores
 from periporo.materials.arena.surface import coefficients, squared_limit, weakened_surface
@@ -194,7 +194,7 @@ class Arena(ArenaParameters):
         porosity, saturation = np.empty(n), np.empty(n)
         pressure = np.ascontiguousarray(state[:, PRESSURE])
         fill_pores(self._packed[1], np.ascontiguousarray(state[:, EVP]), pressure, porosity, saturation)
-        peak = np.array([self._surface_of(row).peak for row in state])
+        peak, _ = self._yield(stress, state)
         kappa = peak - self.CR * (peak - state[:, STRENGTH] - 3.0 * pressure)
         derived = {"porosity": porosity, "saturation": saturation, "kappa": kappa}
         if self.do_damage:
@@ -216,6 +216,17 @@ class Arena(ArenaParameters):
         i1 = middle - half * np.cos(np.linspace(0.0, np.pi, 201))  # denser at both steep ends
         square = np.array([squared_limit(surface, value, strength) for value in i1])
         return i1 / 3.0 - pressure, np.sqrt(3.0 * np.maximum(square, 0.0))
+
+    def yield_excess(self, stress: np.ndarray, state: np.ndarray) -> np.ndarray:
+        """Distance (n,) of the quasi-static stress beyond the yield surface, over its length; <= 0 inside."""
+        return self._yield(stress, state)[1]
+
+    def _yield(self, stress, state):
+        """PEAKI1 and excess, both (n,)."""
+        i1, j2 = self._invariants(self._static_stress(stress, state))
+        peak, excess = np.empty(len(stress)), np.empty(len(stress))
+        fill_yield(*self._packed[2:4], self._columns, i1, j2, state, peak, excess)
+        return peak, excess
 
     def _surface_of(self, state_row):
         time_column, factor_column, _ = self._columns

@@ -36,11 +36,15 @@ def _normality(y, shear, x, q, i1, di1, strength, dstrength):
 @inlined
 def _residual(y, target, shear, x, q, i1, di1, strength, dstrength):
     """Sign-carrying residual, Newton step, F and dF/dx of one of the three targets."""
-    if target == NOSE:
-        return i1 - strength, (strength - i1) / (di1 - dstrength), 0.0, 0.0
     if target == VERTEX:
         return i1 - y.peak, (y.peak - i1) / di1, 0.0, 0.0
     length = y.peak - strength
+    if target == NOSE:  # F^2 is linear in the distance to the nose there
+        limit = shear_limit(y, strength)[0]
+        slope = 2.0 * limit * limit / ((1.0 - y.cap_ratio) * length)
+        f = q * y.flow * slope / (max(x, 0.0) * shear + y.flow * slope)
+        gap = i1 - strength - f * f / slope
+        return gap, -gap / (di1 - dstrength), f, 0.0
     if i1 <= strength:  # beyond the nose: aim at its inside, where F is about q
         limit = shear_limit(y, strength)[0]
         width = (1.0 - y.cap_ratio) * length
@@ -73,7 +77,8 @@ def _solve(c, y, target, bulk, shear, i1, q, evp, guess, pressure, tolerance):
         elif residual > 0.0:
             high = x
         inside = target != SURFACE or (here > strength and here < y.peak)
-        small = abs(step) * di1 <= tolerance * length and abs(df * step) <= tolerance * length
+        reach = tolerance * min(length, abs(here) + f + c.p0)
+        small = abs(step) * di1 <= reach and abs(df * step) <= reach
         if inside and small and (step <= 0.0) == (residual >= 0.0):
             return x + step, max(f + df * step, 0.0), p + dp * step, strength + dstrength * step
         if high - low <= 4e-16 * (abs(x) + length / bulk):
@@ -102,9 +107,7 @@ def plastic_return(c, y, bulk, shear, i1, q, evp, pressure, strength, guess, tol
             return x, min(q, limit), p, new_strength
     if effective < strength and q <= _NOSE_SHEAR * (y.peak - strength):
         x, f, p, new_strength = _solve(c, y, NOSE, bulk, shear, i1, q, evp, guess, pressure, tolerance)
-        slope = squared_limit_slopes(y, new_strength, new_strength)[1]
-        push = y.flow * slope
-        return x, q * push / (x * shear + push), p, new_strength
+        return x, f, p, new_strength
     x, f, p, new_strength = _solve(c, y, SURFACE, bulk, shear, i1, q, evp, guess, pressure, tolerance)
     return x, min(f, q), p, new_strength
 

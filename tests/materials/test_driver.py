@@ -95,7 +95,7 @@ class RememberedStress:
         return ELASTIC.elastic_moduli(stress, state)
 
     def derived_state(self, stress, state):
-        return {"pore_pressure": -stress[:, 0]}
+        return {"pore_pressure": -stress[:, 0], "double": 2 * stress}
 
 
 def test_tensor_state_turns_and_every_state_has_a_column():
@@ -107,7 +107,8 @@ def test_tensor_state_turns_and_every_state_has_a_column():
             result[name.replace("stress", "copy")], result[name], rtol=1e-12, atol=1e-6
         )
     np.testing.assert_array_equal(result["pore_pressure"], -result["stress_xx"])
-    assert list(result)[:2] == ["time_s", "F11"] and list(result)[-1] == "pore_pressure"
+    assert list(result)[:2] == ["time_s", "F11"] and list(result)[-1] == "double_xz"
+    np.testing.assert_array_equal(result["double_xy"], 2 * result["stress_xy"])
     assert result["stress_xy"][-1] > 0.1 * MU
 
 
@@ -230,7 +231,7 @@ def test_bad_built_in_paths_are_refused(text, message):
 @pytest.mark.parametrize(
     "text, message",
     [
-        ("density: 1\n", "model: give the name of the material model, one of arena"),
+        ("density: 1\n", "model: give the name of the material model, one of "),
         ("model: elastik\n", "Did you mean 'elastic'"),
         (MATERIAL + "shear: 1\n", "line 5, shear: unknown key"),
         (MATERIAL.replace("1700.0", "yes"), "line 2, density: must be a number"),
