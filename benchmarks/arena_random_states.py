@@ -1,0 +1,60 @@
+"""Arena on random states and increments: counts failures, NaN and states off the yield surface.
+
+python benchmarks/arena_random_states.py [number of increments, default 1000000]
+
+Each group of rows has random BETA (.3-2), CR (.05-.95) and saturation (0, 1 or between). A row is brought
+to a random state by two random increments and then takes the increment that counts; |de| up to 0.2.
+"""
+
+import sys
+import time
+
+import numpy as np
+
+from periporo.materials.arena import Arena
+
+GROUP = 10_000
+
+
+def random_increments(rng, n):
+    """Strain increments (n, 6) of random direction, their size log-uniform between 1e-8 and 0.2."""
+    direction = rng.normal(size=(n, 6))
+    isotropic = rng.random(n) < 0.2
+    direction[isotropic, :3] = -np.abs(direction[isotropic, :1])
+    direction[isotropic, 3:] = 0.0
+    size = 0.2 * 10.0 ** (-7.3 * rng.random(n) ** 2)
+    norm = np.sqrt((direction[:, :3] ** 2).sum(1) + 2 * (direction[:, 3:] ** 2).sum(1))
+    return direction * (size / norm)[:, None]
+
+
+def run(total, seed=0, tolerance=1e-3):
+    """Dictionary of counts over `total` increments."""
+    rng = np.random.default_rng(seed)
+    counts = dict(increments=0, failed=0, not_finite=0, outside=0)
+    while counts["increments"] < total:
+        n = min(GROUP, total - counts["increments"])
+        saturation = float(rng.choice([0.0, 1.0, rng.random(), rng.random() ** 4, 1 - rng.random() ** 4]))
+        material = Arena(
+            initial_saturation=saturation,
+            BETA=float(rng.uniform(0.3, 2.0)),
+            CR=float(rng.uniform(0.05, 0.95)),
+            p1_sat=float(rng.choice([1.0, 0.3])),
+            T1=0.0,
+            T2=0.0,
+            tolerance=tolerance,
+        )
+        stress = np.zeros((n, 6))
+        state = material.initial_state(stress, np.zeros((n, 2), np.int64), np.ones(n))
+        for _ in range(3):
+            material.compute_stress(stress, random_increments(rng, n), state, 1.0)
+        counts["increments"] += n
+        counts["failed"] += int((state[:, 3] > 0).sum())
+        counts["not_finite"] += int((~np.isfinite(stress).all(1) | ~np.isfinite(state).all(1)).sum())
+        counts["outside"] += int((material.yield_excess(stress, state) > 1e-6).sum())
+    return counts
+
+
+if __name__ == "__main__":
+    start = time.perf_counter()
+    print(run(int(sys.argv[1]) if len(sys.argv) > 1 else 1_000_000))
+    print(f"{time.perf_counter() - start:.1f} s")
