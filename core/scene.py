@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from periporo.contact.rigid import Box, Plane, RigidContact
-from periporo.core.boundary import Gravity, PrescribedMotion, Traction, ViscousDamping
+from periporo.core.boundary import Gravity, PrescribedMotion, ViscousDamping
 from periporo.core.correspondence.bond_projected import BondProjected
 from periporo.core.fields import StrainMeasures
 from periporo.core.particles import Particles

@@ -4,6 +4,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+
 from periporo.io.drawing import (
     STYLE,
     PointPicture,

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+
 from periporo.core import tensors
 from periporo.io.results import ResultError
 

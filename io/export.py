@@ -6,6 +6,7 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
+
 from periporo.io.results import ResultError, open_results
 
 _VTK_TYPES = {"f8": "Float64", "i8": "Int64", "u1": "UInt8"}

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+
 from periporo.io.results import open_results
 
 _MOST_TEXT = 60

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+
 from periporo.io.animation import animate_run
 from periporo.io.drawing import STYLE, PointPicture, extent_of, require_matplotlib
 from periporo.io.results import ResultError, open_results

@@ -7,6 +7,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+
 from periporo.io.info import short_attributes
 from periporo.io.plots import LEDGER, RESIDUAL, plot_run
 from periporo.io.results import open_results

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+
 from periporo.core.tensors import COMPONENTS
 
 _CHUNK_ROWS = 8192

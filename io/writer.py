@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 
 import numpy as np
+
 from periporo.io.vtkhdf import OutputError, ResultFile
 
 __all__ = ["OutputError", "ResultWriter"]

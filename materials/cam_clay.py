@@ -319,7 +319,7 @@ def _advance(
 
         unbonded = minimum if -state[b, 0] < minimum else -state[b, 0]  # keeps NaN, unlike max
         size, floor, stiffening = unbonded, minimum, index
-        if bonding_column >= 0 and state[b, bonding_column] > 0.0:
+        if bonding_column >= 0 and state[b, bonding_column] != 0.0:
             b1, b2 = bonding_exponents(state[b, bonding_column], *bonding_parameters)
             size, floor = _bonded_size(unbonded, b1, b2), _bonded_size(minimum, b1, b2)
             stiffening = index * b2

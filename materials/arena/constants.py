@@ -7,6 +7,7 @@ array costs nothing. `pack` makes the array, the `unpack_` functions restore the
 from typing import NamedTuple
 
 import numpy as np
+
 from periporo.materials.arena.compiled import inlined
 
 

@@ -4,6 +4,7 @@ import math
 from functools import cached_property
 
 import numpy as np
+
 from periporo.core import tensors
 from periporo.materials.arena import pores as pore_space
 from periporo.materials.arena.constants import Control, Elasticity, Pores, Strength, Surface, pack

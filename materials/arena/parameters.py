@@ -3,8 +3,9 @@
 from typing import Literal
 
 import numpy as np
-from periporo.materials.base import MaterialParameters
 from pydantic import Field, model_validator
+
+from periporo.materials.base import MaterialParameters
 
 
 def _field(default, description, unit="1", **bounds):

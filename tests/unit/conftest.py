@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from mpi4py import MPI
+
 from periporo.io.writer import ResultWriter
 
 ENERGIES = ("kinetic_energy", "internal_energy", "external_work", "contact_energy", "friction_dissipation",

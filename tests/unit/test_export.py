@@ -6,6 +6,7 @@ import csv
 import h5py
 import numpy as np
 import pytest
+
 from periporo.io import compare, export, info
 from periporo.io.results import ResultError, open_results
 

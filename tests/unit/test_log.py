@@ -4,8 +4,9 @@ import io
 from types import SimpleNamespace
 
 import pytest
-from periporo.io.log import Progress
 from rich.console import Console
+
+from periporo.io.log import Progress
 
 
 class Clock:

@@ -5,6 +5,7 @@ import argparse
 import h5py
 import numpy as np
 import pytest
+
 from periporo.io import drawing, plots
 from periporo.io.animation import animate_run
 from periporo.io.results import ResultError, open_results

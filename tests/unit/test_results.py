@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 import pytest
 from mpi4py import MPI
+
 from periporo.io.results import ResultError, open_results
 from periporo.io.writer import ResultWriter
 

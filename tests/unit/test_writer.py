@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import pytest
 from mpi4py import MPI
+
 from periporo.io.results import open_results
 from periporo.io.vtkhdf import ResultFile
 from periporo.io.writer import OutputError, ResultWriter
