@@ -117,13 +117,15 @@ class _Exchange:
         self.bytes = 0
         for rank, rows in halo.sends.items():
             buffer = np.empty(sum(widths) * len(rows))
-            self.outgoing += [(a, rows, part) for a, part in zip(arrays, _parts(buffer, arrays, widths, len(rows)), strict=True)]
+            parts = _parts(buffer, arrays, widths, len(rows))
+            self.outgoing += [(array, rows, part) for array, part in zip(arrays, parts, strict=True)]
             requests.append(halo.comm.Send_init(buffer, rank))
             self.bytes += buffer.nbytes
         for rank, rows in halo.receives.items():
             count = rows.stop - rows.start
             buffer = np.empty(sum(widths) * count)
-            self.incoming += [(a[rows], part) for a, part in zip(arrays, _parts(buffer, arrays, widths, count), strict=True)]
+            parts = _parts(buffer, arrays, widths, count)
+            self.incoming += [(array[rows], part) for array, part in zip(arrays, parts, strict=True)]
             requests.append(halo.comm.Recv_init(buffer, rank))
         self.requests = requests
 

@@ -56,6 +56,7 @@ def run_scene(arguments, comm) -> int:
             progress.message(f"ready after {time.perf_counter() - began:.1f} s")
             sim.timing.reset()
             sim.run()
+            sim.halo.close()
             writer.set_attributes({"wall_time_s": time.perf_counter() - began, "timing": _timing(sim)})
         for line in _summary(sim, history, vertical_axis(scene)):
             progress.message(line)
@@ -100,7 +101,8 @@ def _summary(sim, history, vertical) -> list[str]:
     regular = p.share[:n, 1] > 0.0
     front = quantile(sim.comm, across[regular], 0.99) + 0.5 * sim.spacing
     lost = sim.comm.allreduce(int((~regular).sum()))
-    ledger = [f"  {name.replace('_', ' '):22s} {last[name]:+.6e} J" for name, unit in history.UNITS.items() if unit == "J"]
+    energies = [name for name, unit in history.UNITS.items() if unit == "J"]
+    ledger = [f"  {name.replace('_', ' '):22s} {last[name]:+.6e} J" for name in energies]
     error = abs(last["energy_residual"] - last["integration_term"])
     return [
         "energy ledger",
@@ -141,7 +143,8 @@ def check_scene(path, comm) -> int:
         print(f"  memory        {comm.size * _memory(sim) / 1e6:.1f} MB of state")
         print(f"  time step     {sim.dt:.3g} s at the start")
         print(f"  motion        {duration:g} s, about {steps:,.0f} steps or more as the soil deforms")
-        print(f"  run time      about {steps * seconds:,.0f} s at {seconds * 1e6 / max(points, 1):.2f} us per point and step")
+        cost = seconds * 1e6 / max(points, 1)
+        print(f"  run time      about {steps * seconds:,.0f} s at {cost:.2f} us per point and step")
     return 0
 
 

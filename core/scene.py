@@ -158,7 +158,8 @@ def _motion(scene, boundary, lattices):
     ids = []
     for body, lattice in zip(scene.bodies, lattices, strict=True):
         if region.body in (None, body.name):
-            ids.append(lattice.sites_within(np.maximum(lower, lattice.lower - 1), np.minimum(upper, lattice.upper + 1))[0])
+            corners = np.maximum(lower, lattice.lower - 1), np.minimum(upper, lattice.upper + 1)
+            ids.append(lattice.sites_within(*corners)[0])
     ids = np.sort(np.concatenate(ids))
     if boundary.fix:
         return PrescribedMotion(ids, {"xyz".index(a): (lambda t: 0.0) for a in boundary.fix})

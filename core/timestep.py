@@ -42,7 +42,7 @@ class StableTimeStep:
             self.ratio = exact / alone if alone > 0.0 else 1.0
             self._calibrated_at = local
         if local == 0.0:
-            raise ValueError("time_step: no point has a bond or a contact, so nothing limits the time step; set 'fixed'")
+            raise ValueError("time_step: no point has a bond or a contact, so nothing limits it; set 'fixed'")
         return self.safety * 2.0 / (self.ratio * local)
 
 

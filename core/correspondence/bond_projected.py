@@ -7,7 +7,8 @@ relative velocity (Behzadinasab, Trask & Bazilevs 2021):
     L = (L_i + L_j)/2,  L_ij = L + (v_j - v_i - L xi) (x) n.
 
 The force is the conjugate of the internal power sum c_ij sigma_ij : L_ij,
-c_ij = w V_i V_j (beta_j beta_i) (1/W_i + 1/W_j), W_i = sum w V_j, with Z_i = sum_b (c_b/2) (sigma_b - (sigma_b xi) (x) n):
+c_ij = w V_i V_j (beta_j beta_i) (1/W_i + 1/W_j), W_i = sum w V_j,
+with Z_i = sum_b (c_b/2) (sigma_b - (sigma_b xi) (x) n):
 
     t_ij = c_ij sigma_ij n + w V_i V_j (B_i + B_j) xi,  B_i = Z_i K_i^-1 / V_i.
 

@@ -48,7 +48,9 @@ def _hermite_pieces(function, slope, pieces):
     table = np.empty((pieces, 4))
     for k in range(pieces):
         a, b = k * h, (k + 1) * h
-        conditions = np.array([[1, a, a**2, a**3], [1, b, b**2, b**3], [0, 1, 2 * a, 3 * a**2], [0, 1, 2 * b, 3 * b**2]])
+        values = [[1, a, a**2, a**3], [1, b, b**2, b**3]]
+        slopes = [[0, 1, 2 * a, 3 * a**2], [0, 1, 2 * b, 3 * b**2]]
+        conditions = np.array(values + slopes)
         table[k] = np.linalg.solve(conditions, [function(a), function(b), slope(a), slope(b)])
     return table
 
