@@ -76,7 +76,7 @@ def _solve(c, y, target, bulk, shear, i1, q, evp, guess, pressure, tolerance):
             low = x
         elif residual > 0.0:
             high = x
-        inside = target != SURFACE or (here > strength and here < y.peak)
+        inside = target != SURFACE or (here > strength and here < y.peak and f <= q * (1.0 + 1e-9))
         reach = tolerance * min(length, abs(here) + f + c.p0)
         small = abs(step) * di1 <= reach and abs(df * step) <= reach
         if inside and small and (step <= 0.0) == (residual >= 0.0):
