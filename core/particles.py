@@ -36,7 +36,7 @@ def standard_fields(dimension: int) -> tuple[Field, ...]:
         Field("mass", None, "kg", sent=False),
         Field("reference_position", d, "m", sent=False),  # where the neighbours were found
         Field("initial_position", d, "m", sent=False),
-        Field("jacobian", None, "1", migrates=False, sent=False),  # volume ratio of this step
+        Field("jacobian", None, "1", sent=False),  # volume ratio of the last step, to be applied
         # remade by the scheme in each step
         Field("share", 2, "1/m^3, 1", migrates=False),  # integrity / sum of w V, and integrity
         Field("shape_inverse", shape, "1/m^5", migrates=False),

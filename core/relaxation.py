@@ -38,7 +38,6 @@ class Relaxation:
         p, time = sim.particles, sim.time
         sim.rate_independent = True
         self._set_velocity(p, np.zeros((p.owned, p.dimension)))
-        sim.evaluate_forces()
         while not self._in_equilibrium(sim):
             if self.steps == self.max_steps:
                 raise RelaxationError(

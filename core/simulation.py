@@ -96,18 +96,20 @@ class Simulation:
         timing.lap("point processes")
         self.scheme.internal_force(p, b, self.halo, p.internal_force)
         timing.lap("internal force")
-        self._clear_forces()
-        for contact in self.contacts:
-            contact.add_force(p, self.time + dt, dt)
-        timing.lap("contact")
-        for load in self.loads:
-            load.add_force(p, self.time + dt, dt)
-        timing.lap("loads")
+        self.apply_loads(dt)
 
-    def _clear_forces(self) -> None:
+    def apply_loads(self, dt: float) -> None:
+        """Forces of contacts and loads at the end of a step of `dt`."""
+        p = self.particles
         for name, array in zip(self.forces.names, self.forces.arrays(), strict=True):
             if name != "internal":
                 array[:] = 0.0
+        for contact in self.contacts:
+            contact.add_force(p, self.time + dt, dt)
+        self.timing.lap("contact")
+        for load in self.loads:
+            load.add_force(p, self.time + dt, dt)
+        self.timing.lap("loads")
 
     def step(self) -> None:
         """Advance from t to t + dt: velocity Verlet, updated Lagrangian."""

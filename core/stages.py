@@ -17,6 +17,7 @@ class Stage:
     def run(self, sim) -> None:
         """Put the stage's conditions in force and go through it."""
         sim.prescribed_motions, sim.contacts, sim.loads = self.prescribed_motions, self.contacts, self.loads
+        sim.apply_loads(0.0)
         for observer in sim.observers:
             observer.start_stage(sim, self)
         summary = self._advance(sim)

@@ -17,16 +17,12 @@ not span space any more: such a point flies freely. Momenta are conserved to rou
 symmetric and positive semi-definite.
 """
 
-import numpy as np
-
 from periporo.core import algebra as la
-from periporo.core.bonds import BOTH, FIRST, SECOND
 from periporo.core.correspondence import kinematics
-from periporo.core.correspondence.influence import influence, influence_table
+from periporo.core.correspondence.influence import influence_table
+from periporo.core.correspondence.moments import close_points, sum_moments
 from periporo.core.jit import inlined, kernel
-
-DEGENERATE, REGULAR = 1e-3, 1e-2  # of det K / (tr K / d)^d
-_DECADE = np.log(REGULAR / DEGENERATE)
+from periporo.core.rows import BOTH, FIRST, SECOND, PairRows
 
 
 @inlined
@@ -43,6 +39,7 @@ class BondProjected:
     """The scheme's two halves of a step: strain from velocity, force from stress."""
 
     name = "bond_projected"
+    rows = PairRows()
 
     def __init__(self, horizon: float, influence_name: str):
         """`horizon` m; `influence_name` one of `influence.NAMES`."""
@@ -56,11 +53,11 @@ class BondProjected:
         which a material sees a step of `material_dt` s.
         """
         p, pairs = particles, bonds.pairs
-        _sum_moments(
+        sum_moments(
             pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.volume, self.horizon, self.table,
             p.sums, p.dim,
         )  # fmt: skip
-        _close_points(p.owned, dt, p.sums, p.share, p.shape_inverse, p.gradient, p.jacobian, p.dim)
+        close_points(p.owned, dt, p.sums, p.share, p.shape_inverse, p.gradient, p.jacobian, p.dim)
         self._exchange(p, bonds, halo)
         bonds.admit_newborn(p, material_dt)
         for block in bonds.blocks:
@@ -92,68 +89,6 @@ class BondProjected:
                 block.pair, block.side, block.active, pairs.first, pairs.second, pairs.weight, p.position, p.volume,
                 p.share, block.stress, p.flux, force, p.dim,
             )  # fmt: skip
-
-
-@kernel
-def _sum_moments(first, second, weight, position, velocity, volume, horizon, table, sums, dim):
-    """Weight of each pair; neighbour count, W, K and the velocity moment of both ends in `sums`."""
-    sums[:] = 0.0
-    n_shape = len(dim) * (len(dim) + 1) // 2
-    for b in range(first.shape[0]):
-        i, j = first[b], second[b]
-        xi = la.difference(position, i, j, dim)
-        r2 = la.dot(xi, xi)
-        if not r2 < horizon * horizon:
-            weight[b] = 0.0
-            continue
-        w = influence(1.0 - np.sqrt(r2) / horizon, table)
-        weight[b] = w
-        dyad = la.square(xi)
-        moment = la.dyad(la.difference(velocity, i, j, dim), xi)
-        wi = w * volume[j]
-        wj = w * volume[i]
-        sums[i, 0] += 1.0
-        sums[j, 0] += 1.0
-        sums[i, 1] += wi
-        sums[j, 1] += wj
-        for c in range(n_shape):
-            sums[i, 2 + c] += wi * dyad[c]
-            sums[j, 2 + c] += wj * dyad[c]
-        for c in range(len(dim) * len(dim)):
-            sums[i, 2 + n_shape + c] += wi * moment[c]
-            sums[j, 2 + n_shape + c] += wj * moment[c]
-
-
-@kernel
-def _close_points(owned, dt, sums, share, shape_inverse, gradient, jacobian, dim):
-    """Share, integrity, inverse shape tensor, velocity gradient and volume ratio of the owned points."""
-    d = len(dim)
-    n_shape = d * (d + 1) // 2
-    fewest = 3.0 if d == 2 else 5.0
-    for i in range(owned):
-        k = la.shape_at(sums, i, 2, dim)
-        inverse, determinant = la.inverse_shape(k)
-        mean = la.trace_shape(k) / d
-        regularity = determinant / mean**d if mean > 0.0 else 0.0
-        integrity = 0.0
-        if regularity > DEGENERATE and sums[i, 0] >= fewest:
-            integrity = 1.0 if regularity > REGULAR else np.log(regularity / DEGENERATE) / _DECADE
-        if integrity > 0.0:
-            share[i, 0] = integrity / sums[i, 1]
-            g = la.times_shape(la.matrix_at(sums, i, 2 + n_shape, dim), inverse)
-            for c in range(n_shape):
-                shape_inverse[i, c] = inverse[c]
-            for c in range(d * d):
-                gradient[i, c] = g[c]
-            jacobian[i] = 1.0 / la.determinant_minus(la.scaled(g, dt))
-        else:
-            share[i, 0] = 0.0
-            for c in range(n_shape):
-                shape_inverse[i, c] = 0.0
-            for c in range(d * d):
-                gradient[i, c] = 0.0
-            jacobian[i] = 1.0
-        share[i, 1] = integrity
 
 
 @kernel
