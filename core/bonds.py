@@ -10,8 +10,6 @@ from periporo.core.neighbours import Pairs
 from periporo.core.particles import Field, Particles
 from periporo.materials.protocol import Material, state_columns
 
-BOTH, FIRST, SECOND = 0, 1, 2  # whose share of a pair's volume a row stands for
-
 
 class Block:
     """The rows of one material: contiguous slices of every bond array, and its own state columns."""
@@ -31,8 +29,12 @@ class Block:
         self.tensor_columns = np.array(tensors, np.int64)
         self.log_columns = np.array(logs, np.bool_)
         self.rows = slice(0, 0)
-        self.pair = np.empty(0, np.int32)
+        self.pair = np.empty(0, np.int32)  # what the layout makes of a row: see there
         self.side = np.empty(0, np.int8)
+        self.start = np.zeros(1, np.int64)
+        self.first, self.second = np.empty(0, np.int32), np.empty(0, np.int32)
+        self.ids = np.empty((0, 2), np.int64)
+        self.integrity, self.fraction = np.empty(0), np.empty(0)
         self.active = np.empty(0, np.bool_)
         self.stress = np.empty((0, components))
         self.strain_increment = np.empty((0, components))
@@ -50,13 +52,14 @@ class Carried:
 
 
 class Bonds:
-    """Pairs of neighbours, and for each material a block of constitutive rows on them.
+    """Pairs of neighbours, and for each material a block of constitutive rows.
 
-    A pair of two materials has a row in each block, with that end's share of the pair's volume. A row is
-    active, that is has state, while its pair is closer than the horizon and both ends are regular.
+    `layout` says where the rows lie (`periporo.core.rows`). A row is active, that is has state, while its
+    bond is shorter than the horizon and its points are regular.
     """
 
-    def __init__(self, particles: Particles, materials: list[Material]):
+    def __init__(self, particles: Particles, materials: list[Material], layout):
+        self.layout = layout
         self.pairs = Pairs()
         self.blocks = [Block(m, k, particles.components) for k, m in enumerate(materials)]
         self.incidence_start = np.zeros(1, np.int64)
@@ -70,16 +73,17 @@ class Bonds:
         """Set the active rows' state aside for a rebuild, sharing it with the points' new owners."""
         for block in self.blocks:
             alive = np.flatnonzero(block.active)
-            pair = block.pair[alive]
-            carried = Carried(self.pairs.ids[pair], block.stress[alive], block.state[alive])
+            ids, place = self.layout.keys(block, self.pairs)
+            carried = Carried(ids[place[alive]], block.stress[alive], block.state[alive])
             if comm.size > 1:
-                carried = self._share(comm, particles, owner, pair, carried)
+                carried = self._share(comm, particles, owner, block, alive, carried)
             block.carried = carried
 
-    def _share(self, comm, particles, owner, pair, carried):
+    def _share(self, comm, particles, owner, block, alive, carried):
         home = np.full(particles.total, comm.rank)
         home[: particles.owned] = owner
-        ends = home[self.pairs.first[pair]], home[self.pairs.second[pair]]
+        place, first, second, _ = self.layout.holders(block, self.pairs)
+        ends = home[first[place[alive]]], home[second[place[alive]]]
         rows = pack([carried.ids, carried.stress, carried.state])
         moved = np.unique(owner[owner != comm.rank]).tolist()
         outgoing = {r: rows[(ends[0] == r) | (ends[1] == r)] for r in moved}
@@ -103,7 +107,7 @@ class Bonds:
         self.pairs.find(particles, reach)
         start = 0
         for block in self.blocks:
-            self._choose_rows(block, particles)
+            self.layout.choose(block, self.blocks, self.pairs, particles)
             n, components = len(block.pair), particles.components
             block.rows = slice(start, start + n)
             start += n
@@ -111,27 +115,15 @@ class Bonds:
             block.stress, block.state = np.zeros((n, components)), np.zeros((n, block.columns))
             block.strain_increment = np.zeros((n, components))
             if block.carried is not None:
-                _match(self.pairs.ids, block.pair, block.carried.ids, source)
+                _match(*self.layout.keys(block, self.pairs), block.carried.ids, source)
                 kept = np.flatnonzero(source >= 0)
                 block.stress[kept] = block.carried.stress[source[kept]]
                 block.state[kept] = block.carried.state[source[kept]]
                 block.carried = None
             block.active = source >= 0
-        pair = np.concatenate([b.pair for b in self.blocks])
-        self.incidence_start, self.incidence = _incidence(
-            self.pairs.first, self.pairs.second, pair, particles.total
-        )
-
-    def _choose_rows(self, block, particles):
-        n = len(self.pairs.first)
-        if len(self.blocks) == 1:
-            block.pair, block.side = np.arange(n, dtype=np.int32), np.zeros(n, np.int8)
-            return
-        is_first = particles.material[self.pairs.first] == block.index
-        is_second = particles.material[self.pairs.second] == block.index
-        block.pair = np.flatnonzero(is_first | is_second).astype(np.int32)
-        side = np.where(is_first & is_second, BOTH, np.where(is_first, FIRST, SECOND))
-        block.side = side[block.pair].astype(np.int8)
+        holders = [self.layout.holders(b, self.pairs) for b in self.blocks]
+        first, second = (np.concatenate([h[end][h[0]] for h in holders]) for end in (1, 2))
+        self.incidence_start, self.incidence = _incidence(first, second, particles.total)
 
     def average(self, particles: Particles, points: np.ndarray) -> None:
         """Average stress and state of the active rows of each owned point in `points` (rows), per block.
@@ -146,11 +138,8 @@ class Bonds:
                 self.incidence,
                 block.rows.start,
                 block.rows.stop,
-                block.pair,
+                *self.layout.ends(block, self.pairs),
                 block.active,
-                self.pairs.first,
-                self.pairs.second,
-                self.pairs.weight,
                 particles.volume,
                 block.stress,
                 block.state,
@@ -166,27 +155,25 @@ class Bonds:
         say; a row between two such points starts from `initial_stress`, or zero.
         """
         # averages still count rows that end now: so do those that arrived from the ghosts' owners
-        newborn = [_newborn_rows(b.pair, self.pairs.first, self.pairs.second, self.pairs.weight,
-                                 particles.share, b.active) for b in self.blocks]  # fmt: skip
+        holders = [self.layout.holders(b, self.pairs) for b in self.blocks]
+        newborn = [_newborn_rows(*h, particles.share, b.active) for h, b in zip(holders, self.blocks, strict=True)]
         if any(len(rows) for rows in newborn):
             self._average_ends(particles, newborn)
-        for block, rows in zip(self.blocks, newborn, strict=True):
-            _deactivate(block.pair, self.pairs.first, self.pairs.second, self.pairs.weight, particles.share,
-                        block.active)  # fmt: skip
+        for block, rows, held in zip(self.blocks, newborn, holders, strict=True):
+            _deactivate(*held, particles.share, block.active)
             if len(rows):
                 self._initialise(block, rows, particles, dt)
                 block.active[rows] = True
 
     def _average_ends(self, particles, newborn):
-        ends = [np.concatenate([self.pairs.first[b.pair[r]], self.pairs.second[b.pair[r]]])
-                for b, r in zip(self.blocks, newborn, strict=True)]  # fmt: skip
+        ends = [end for b, rows in zip(self.blocks, newborn, strict=True) for end in self._ends(b, rows)]
         points = np.unique(np.concatenate(ends)).astype(np.int64)
         self.average(particles, points[points < particles.owned])
 
     def _initialise(self, block, rows, particles, dt):
         average = getattr(particles, block.average)
-        pair = block.pair[rows]
-        first, second = average[self.pairs.first[pair]], average[self.pairs.second[pair]]
+        ends = self._ends(block, rows)
+        first, second = average[ends[0]], average[ends[1]]
         weight = first[:, :1] + second[:, :1]
         values = _merge(first[:, 1:], second[:, 1:], first[:, :1], second[:, :1], particles.components, block)
         components = particles.components
@@ -194,28 +181,22 @@ class Bonds:
         state = np.ascontiguousarray(values[:, components:])
         alone = np.flatnonzero(weight[:, 0] == 0.0)
         if len(alone):
-            stress[alone] = self._stress_from_nothing(particles, pair[alone])
-            volume = self._row_volumes(block, particles, rows[alone])
-            state[alone] = block.material.initial_state(stress[alone], self.pairs.ids[pair[alone]], volume)
+            stress[alone] = self._stress_from_nothing(particles, ends[0][alone], ends[1][alone])
+            volume = self.layout.volumes(block, self.pairs, particles, rows[alone])
+            ids, place = self.layout.keys(block, self.pairs)
+            state[alone] = block.material.initial_state(stress[alone], ids[place[rows[alone]]], volume)
         block.material.compute_stress(stress, np.zeros_like(stress), state, dt)
         block.stress[rows], block.state[rows] = stress, state
 
+    def _ends(self, block, rows):
+        """The two points that each of the rows lies between."""
+        place, first, second, _ = self.layout.ends(block, self.pairs)
+        return first[place[rows]], second[place[rows]]
 
-    def _stress_from_nothing(self, particles, pair):
+    def _stress_from_nothing(self, particles, first, second):
         if self.initial_stress is None:
-            return np.zeros((len(pair), particles.components))
-        first, second = self.pairs.first[pair], self.pairs.second[pair]
+            return np.zeros((len(first), particles.components))
         return self.initial_stress(0.5 * (particles.position[first] + particles.position[second]))
-
-    def _row_volumes(self, block, particles, rows):
-        """Volume that each row stands for, (n,) m^3."""
-        pair = block.pair[rows]
-        i, j = self.pairs.first[pair], self.pairs.second[pair]
-        share = particles.share
-        halves = np.stack([share[i, 0] * share[j, 1], share[j, 0] * share[i, 1]])
-        halves[0] *= block.side[rows] != SECOND
-        halves[1] *= block.side[rows] != FIRST
-        return self.pairs.weight[pair] * particles.volume[i] * particles.volume[j] * halves.sum(axis=0)
 
 
 def _merge(first, second, has_first, has_second, components, block):
@@ -234,7 +215,7 @@ def _merge(first, second, has_first, has_second, components, block):
 
 @kernel
 def _match(ids, pair, old_ids, source):
-    """For each row the place of its pair in the sorted `old_ids`, or -1; both lists are in id order."""
+    """For each row the place of its ids in the sorted `old_ids`, or -1; both lists are in id order."""
     k = 0
     for r in range(pair.shape[0]):
         lower, higher = ids[pair[r], 0], ids[pair[r], 1]
@@ -247,22 +228,24 @@ def _match(ids, pair, old_ids, source):
 
 
 @kernel
-def _incidence(first, second, pair, points):
-    """Rows of each point in ascending order: start (points + 1,) and row numbers."""
+def _incidence(first, second, points):
+    """Rows of each point in ascending order: start (points + 1,) and row numbers; both ends may be the same."""
     start = np.zeros(points + 1, np.int64)
-    for r in range(pair.shape[0]):
-        start[first[pair[r]] + 1] += 1
-        start[second[pair[r]] + 1] += 1
+    for r in range(first.shape[0]):
+        start[first[r] + 1] += 1
+        if second[r] != first[r]:
+            start[second[r] + 1] += 1
     for i in range(points):
         start[i + 1] += start[i]
     filled = start.copy()
-    rows = np.empty(2 * pair.shape[0], np.int32)
-    for r in range(pair.shape[0]):
-        i, j = first[pair[r]], second[pair[r]]
+    rows = np.empty(start[points], np.int32)
+    for r in range(first.shape[0]):
+        i, j = first[r], second[r]
         rows[filled[i]] = r
         filled[i] += 1
-        rows[filled[j]] = r
-        filled[j] += 1
+        if j != i:
+            rows[filled[j]] = r
+            filled[j] += 1
     return start, rows
 
 
@@ -295,7 +278,7 @@ def _deactivate(pair, first, second, weight, share, active):
 
 @kernel
 def _average_points(
-    points, start, incidence, begin, end, pair, active, first, second, weight, volume, stress, state, logs, average
+    points, start, incidence, begin, end, pair, first, second, weight, active, volume, stress, state, logs, average
 ):
     components = stress.shape[1]
     for n in range(points.shape[0]):

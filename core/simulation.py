@@ -30,7 +30,7 @@ class Simulation:
         self.skin = skin
         self.time_step = time_step
         self.halo = Halo(comm)
-        self.bonds = Bonds(particles, self.materials)
+        self.bonds = Bonds(particles, self.materials, scheme.rows)
         self.forces = ForceChannels(particles)
         self.forces.need("internal")
         self.domain = None

@@ -17,6 +17,8 @@ not span space any more: such a point flies freely. Momenta are conserved to rou
 symmetric and positive semi-definite.
 """
 
+import numpy as np
+
 from periporo.core import algebra as la
 from periporo.core.correspondence import kinematics
 from periporo.core.correspondence.influence import influence_table
@@ -108,15 +110,7 @@ def _strain_rows(
         mean = la.mean_matrix(gradient, i, j, dim)
         residual = la.minus(dv, la.apply(mean, xi))
         g = la.scaled(la.plus_dyad(mean, residual, la.scaled(xi, 1.0 / la.dot(xi, xi))), dt)
-        g = kinematics.midpoint_gradient(g)
-        spin = kinematics.spin_of(g)
-        half = kinematics.rotation(spin, 0.5)
-        la.store(strain_increment, r, 0, kinematics.rotated(kinematics.strain_of(g), half))
-        whole = kinematics.rotation(spin, 1.0)
-        la.store(stress, r, 0, kinematics.rotated(la.symmetric_at(stress, r, 0, dim), whole))
-        for t in range(tensors.shape[0]):
-            c = tensors[t]
-            la.store(state, r, c, kinematics.rotated(la.symmetric_at(state, r, c, dim), whole))
+        kinematics.deform_row(g, r, stress, strain_increment, state, tensors, dim)
 
 
 @kernel

@@ -9,6 +9,9 @@ H = (I - dW/4)^-1 (I + dW/4), which makes the update second order.
 
 from numba.extending import overload
 
+from periporo.core import algebra as la
+from periporo.core.jit import inlined
+
 
 def midpoint_gradient(g):
     """G' (I - G'/2)^-1 of a matrix tuple."""
@@ -31,6 +34,19 @@ def rotation(spin, fraction):
 
 def rotated(s, h):
     """H s H^T of a symmetric tensor row (4|6)."""
+
+
+@inlined
+def deform_row(g, r, stress, strain_increment, state, tensors, dim):
+    """Strain increment of row r from G' = dt L (a matrix tuple); its stress and tensor state turn to the end."""
+    g = midpoint_gradient(g)
+    spin = spin_of(g)
+    la.store(strain_increment, r, 0, rotated(strain_of(g), rotation(spin, 0.5)))
+    whole = rotation(spin, 1.0)
+    la.store(stress, r, 0, rotated(la.symmetric_at(stress, r, 0, dim), whole))
+    for t in range(tensors.shape[0]):
+        c = tensors[t]
+        la.store(state, r, c, rotated(la.symmetric_at(state, r, c, dim), whole))
 
 
 @overload(midpoint_gradient)
