@@ -18,7 +18,7 @@ from periporo.materials.arena.surface import holds, is_clear, weakened_surface
 
 _GAMMA = 1.0 - math.sqrt(0.5)  # stage length that makes the two stages second order and L-stable
 _EXTRAPOLATION = (1.0 - 2.0 * _GAMMA) / _GAMMA  # from the end of stage one to where stage two starts
-_PREDICTOR_TOLERANCE = 1e-3
+_PREDICTOR_SHARE = 0.03  # the first return's remaining error is about the square of its tolerance
 _STAGE_TOLERANCE = 1e-6
 _ON_SURFACE = 1e-7
 _MODULUS_CHANGE = 0.2  # largest relative change of K in a substep
@@ -80,7 +80,8 @@ def _yielding_share(bulk, shear, start, end, tr, e1, e2):
 @inlined
 def _plastic_substep(m, c, control, strength, y, factor, growth, dt, k0, g0, state, tr, e1, e2):
     """One substep that yields: new state, mean moduli used, error, new growth time."""
-    first = backward_euler(c, y, k0, g0, state, tr, e1, e2, 0.0, _PREDICTOR_TOLERANCE)
+    accuracy = _PREDICTOR_SHARE * math.sqrt(control.tolerance)
+    first = backward_euler(c, y, k0, g0, state, tr, e1, e2, 0.0, accuracy)
     fluid = pore_fluid(c, first[4], first[3])
     k1, g1 = moduli(m, c, fluid, first[0] + 3.0 * first[4], first[4], first[3], tr < 0.0)
     bulk = 0.5 * (k0 + k1)
