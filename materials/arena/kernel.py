@@ -192,17 +192,16 @@ def update_rows(elasticity, pores, surface, strengths, controls, columns, stress
 @inlined
 def _enclosing_strain(c, y, i1, j2):
     """Smallest volumetric plastic strain whose surface holds the stress (total I1, J2); NaN if none does."""
-    low, step = 0.0, 1e-7
-    p = c.pressure
-    for _ in range(400):
-        evp = low + step
-        if evp >= c.p3:
+    low = 0.0
+    p, dp, x, dx = harden(c, low, c.pressure)
+    while True:  # in steps over which the surface moves by less than its own length
+        evp = low + min(1e-7 + 0.1 * low, 0.1 * (y.peak - x) / (3.0 * dp - dx + 1.0))
+        if evp >= 0.999 * c.p3 or i1 + 3.0 * p > y.peak:
             return math.nan
-        p, _, x, _ = harden(c, evp, p)
+        p, dp, x, dx = harden(c, evp, p)
         if holds(y, i1 + 3.0 * p, j2, x):
             break
         low = evp
-        step *= 1.1
     high = evp
     for _ in range(60):
         evp = 0.5 * (low + high)

@@ -1,0 +1,187 @@
+"""Arena against its rate equations, written down anew here and integrated by scipy at high order.
+
+Nothing of the material's code is used: moduli from the printed formulas, pore pressure by bracketing its
+volume balance, derivatives of the yield function by central differences, plastic strain rate from the
+consistency condition. sigma' = C:(eps' - epsp'), epsp' = g [s/(2 sqrt J2) - BETA^2 F_,I1 I],
+evp' = -tr epsp', f = sqrt J2 - F(I1_eff, X_eff).
+"""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from periporo.materials.arena import Arena
+
+P = {f: d.default for f, d in Arena.model_fields.items()}
+TENSOR = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # weights of a double contraction
+UNIT = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+
+
+class Reference:
+    """The rate equations for one parameter set."""
+
+    def __init__(self, **changes):
+        self.p = {**P, **changes}
+        phi, ref = self.p["initial_porosity"], self.p["reference_porosity"]
+        self.factor = math.exp(ref / (1 - ref) - phi / (1 - phi))
+        scale = self.p["p1_density_scale_fac"]
+        self.p1 = self.p["p1"] * math.exp(scale * self.factor * (self.factor - 1))
+
+    def pressure(self, evp):
+        phi0, s0, start = (self.p[k] for k in ("initial_porosity", "initial_saturation", "initial_fluid_pressure"))
+
+        def water(p):
+            return 2.21e9 + 6.029 * (p - 1e-4)
+
+        def surplus(p):
+            air = ((p + 101325) / (start + 101325)) ** (-1 / 1.4)
+            wet = (water(p) / water(start)) ** (-1 / 6.029)
+            return phi0 * ((1 - s0) * air + s0 * wet) - (math.exp(-evp) - (1 - phi0))
+
+        if surplus(0.0) <= 0.0:
+            return 0.0
+        return brentq(surplus, 0.0, 5e10, xtol=1e-9, rtol=1e-15)
+
+    def saturation(self, p):
+        s0, start = self.p["initial_saturation"], self.p["initial_fluid_pressure"]
+        air = ((p + 101325) / (start + 101325)) ** (-1 / 1.4)
+        wet = ((2.21e9 + 6.029 * (p - 1e-4)) / (2.21e9 + 6.029 * (start - 1e-4))) ** (-1 / 6.029)
+        return s0 * wet / ((1 - s0) * air + s0 * wet)
+
+    def strength(self, evp, p):
+        phi0 = self.p["initial_porosity"]
+        crush = 0.0
+        if evp > 0:
+            crush = self.p1 * (phi0 / (1 - (1 - phi0) * math.exp(evp)) - 1) ** (1 / self.p["p2"])
+        share = self.saturation(p)
+        return -(self.p["p0"] + (1 - share + self.p["p1_sat"] * share) * crush)
+
+    def limit(self, i1, x):
+        peak, stren, y = self.p["PEAKI1"], self.p["STREN"], self.p["YSLOPE"]
+        a2 = (self.p["FSLOPE"] - y) / (stren - y * peak)
+        ff = stren - (stren - y * peak) * math.exp(a2 * (i1 - peak)) - y * i1
+        kappa = peak - self.p["CR"] * (peak - x)
+        cap = 1.0 if i1 > kappa else 1 - ((kappa - i1) / (kappa - x)) ** 2
+        return ff * math.sqrt(max(cap, 0.0))
+
+    def moduli(self, i1, p, evp):
+        b0, b1, b2, b3, b4 = (self.p[f"b{k}"] for k in range(5))
+        grain = 40e9
+        mean = -i1 / 3
+        bulk = b0 * grain
+        if mean > 0:
+            grain += 4 * (mean - 101325)
+            strain = (b3 * mean / (b1 * grain - b2 * mean)) ** (1 / b4)
+            bulk = grain**2 / (grain - 4 * mean)
+            bulk *= b0 + b1 * b3 * b4 * strain ** (b4 - 1) / (b2 * strain**b4 + b3) ** 2
+        nu = self.p["nu1"] + self.p["nu2"] * math.exp(-bulk / grain)
+        shear = self.factor * 1.5 * bulk * (1 - 2 * nu) / (1 + nu)
+        bulk *= self.factor
+        if self.p["initial_saturation"] > 0 and (mean > 0 or p > 0):
+            phi = 1 - (1 - self.p["initial_porosity"]) * math.exp(evp)
+            share = self.saturation(p)
+            fluid = 1 / (share / (2.21e9 + 6.029 * (p - 1e-4)) + (1 - share) / (1.4 * (p + 101325)))
+            biot = 1 - bulk / grain
+            bulk += biot**2 / (biot / grain + phi * (1 / fluid - 1 / grain))
+        return bulk, shear
+
+    def yield_function(self, stress, evp):
+        p = self.pressure(evp)
+        i1 = stress[:3].sum()
+        s = stress - i1 / 3 * UNIT
+        return math.sqrt(0.5 * TENSOR @ s**2) - self.limit(i1 + 3 * p, self.strength(evp, p))
+
+    def rates(self, stress, evp, strain_rate):
+        """Elastic stress rate, plastic multiplier, and what a unit multiplier does to stress and evp."""
+        p = self.pressure(evp)
+        x = self.strength(evp, p)
+        i1 = stress[:3].sum()
+        bulk, shear = self.moduli(i1 + 3 * p, p, evp)
+        s = stress - i1 / 3 * UNIT
+        q = math.sqrt(0.5 * TENSOR @ s**2)
+        size = 1e-6 * (abs(x) + abs(i1 + 3 * p))
+        slope = (self.limit(i1 + 3 * p + size, x) - self.limit(i1 + 3 * p - size, x)) / (2 * size)
+        step = 1e-6 * (abs(evp) + 1e-4)
+        by_evp = (self.yield_function(stress, evp + step) - self.yield_function(stress, evp - step)) / (2 * step)
+
+        def stiffness(e):
+            return bulk * e[:3].sum() * UNIT + 2 * shear * (e - e[:3].sum() / 3 * UNIT)
+
+        normal = s / (2 * q) - slope * UNIT
+        flow = s / (2 * q) - self.p["BETA"] ** 2 * slope * UNIT
+        elastic = stiffness(strain_rate)
+        back = stiffness(flow)
+        growth = -flow[:3].sum()
+        multiplier = (TENSOR * normal) @ elastic / ((TENSOR * normal) @ back - by_evp * growth)
+        return elastic, multiplier, back, growth
+
+    def follow(self, stress, evp, increment):
+        """Stress and evp after a straight strain increment; elastic and plastic parts alternate."""
+        time, y = 0.0, np.append(stress, evp)
+        plastic = self.yield_function(y[:6], y[6]) > -1e-7 * (1e3 + np.abs(y[:6]).max())
+        plastic = plastic and self.rates(y[:6], y[6], increment)[1] > 0
+
+        def right(t, y):
+            elastic, multiplier, back, growth = self.rates(y[:6], y[6], increment)
+            if not plastic:
+                return np.append(elastic, 0.0)
+            return np.append(elastic - multiplier * back, multiplier * growth)
+
+        def leaves(t, y):
+            if plastic:
+                return self.rates(y[:6], y[6], increment)[1]
+            return self.yield_function(y[:6], y[6])
+
+        leaves.terminal = True
+        while time < 1.0:
+            leaves.direction = -1 if plastic else 1
+            result = solve_ivp(right, (time, 1.0), y, "LSODA", rtol=1e-9, atol=1e-10 * 1e3, events=leaves)
+            time, y = result.t[-1], result.y[:, -1]
+            plastic = not plastic
+        return y[:6], y[6]
+
+
+def compare(path, atol, **parameters):
+    """Largest stress difference between the material and the rate equations along `path`."""
+    reference = Reference(**parameters)
+    material = Arena(T1=0.0, T2=0.0, tolerance=1e-5, **parameters)
+    stress = np.zeros((1, 6))
+    state = material.initial_state(stress, np.zeros((1, 2), np.int64), np.ones(1))
+    other, evp = stress[0].copy(), 0.0
+    largest, gap, strains = 0.0, 0.0, []
+    for increment in path:
+        material.compute_stress(stress, np.asarray(increment)[None], state, 1.0)
+        other, evp = reference.follow(other, evp, np.asarray(increment))
+        largest = max(largest, np.abs(other).max())
+        gap = max(gap, np.abs(stress[0] - other).max())
+        strains.append(abs(state[0, 0] - evp))
+    assert gap < atol * largest
+    assert max(strains) < atol
+
+
+UNIAXIAL = [-0.004, 0, 0, 0, 0, 0]
+SHEAR = [-0.001, 0.0005, -0.002, 0.004, -0.003, 0.002]
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"initial_saturation": 0.0},
+        {"initial_saturation": 0.5, "p1_sat": 0.4},
+        {"initial_saturation": 0.93, "BETA": 0.6, "CR": 0.7},
+        {"initial_saturation": 0.3, "initial_fluid_pressure": 2e5},
+    ],
+)
+def test_cyclic_and_non_proportional(parameters):
+    """Compression, shear in all planes, unloading, and reversed shear."""
+    unloading = [0.0006, 0.0003, 0, 0, 0, 0]
+    reverse = [-0.002, -0.001, 0.0, -0.006, 0.004, 0.001]
+    compare([UNIAXIAL, UNIAXIAL, SHEAR, unloading, reverse, UNIAXIAL], 2e-5, **parameters)
+
+
+def test_saturated_shear():
+    """Undrained: the pore pressure carries the compression, the shear moves along the limit surface."""
+    compare([[-0.003, 0, 0, 0, 0, 0], SHEAR, [0, 0, 0, -0.01, 0, 0.01]], 2e-5, initial_saturation=1.0)
