@@ -35,11 +35,18 @@ class Block:
         self.first, self.second = np.empty(0, np.int32), np.empty(0, np.int32)
         self.ids = np.empty((0, 2), np.int64)
         self.integrity, self.fraction = np.empty(0), np.empty(0)
+        self.shape_inverse, self.gradient = np.empty((0, 0)), np.empty((0, 0))
         self.active = np.empty(0, np.bool_)
         self.stress = np.empty((0, components))
+        self.total: np.ndarray | None = None  # stress with that of pore water, if there is any
         self.strain_increment = np.empty((0, components))
         self.state = np.empty((0, self.columns))
         self.carried: Carried | None = None
+
+    @property
+    def total_stress(self) -> np.ndarray:
+        """What forces come from, (rows, 4|6) Pa: the laws' stress, in wet soil with the water's."""
+        return self.stress if self.total is None else self.total
 
 
 @dataclass

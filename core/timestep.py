@@ -9,7 +9,6 @@ at once when points come close or stiffen; its ratio to the exact value is measu
 import numpy as np
 
 from periporo.core import algebra as la
-from periporo.core.correspondence.bond_projected import row_volume
 from periporo.core.jit import kernel
 from periporo.core.reductions import exact_sum, maximum
 from periporo.io.geometry import uniform
@@ -48,14 +47,11 @@ class StableTimeStep:
 
 def local_frequency(sim, contacts) -> float:
     """Largest of the points' own frequency estimates from bonds and `contacts`, rad/s."""
-    p, pairs = sim.particles, sim.bonds.pairs
+    p = sim.particles
     springs = np.zeros((p.total, p.dimension * (p.dimension + 1) // 2))
     for block in sim.bonds.blocks:
         bulk, shear = block.material.elastic_moduli(block.stress, block.state)
-        _sum_springs(
-            block.pair, block.side, block.active, pairs.first, pairs.second, pairs.weight, p.position, p.volume,
-            p.share, bulk, shear, springs, p.dim,
-        )  # fmt: skip
+        sim.scheme.add_springs(p, sim.bonds, block, bulk, shear, springs)
     stiffness = np.zeros(p.owned)
     for contact in contacts:
         contact.add_stiffness(p, sim.time, stiffness)
@@ -68,7 +64,7 @@ def highest_frequency(sim) -> float:
     Stress, state and velocity are put aside meanwhile; nothing of the simulation changes.
     """
     p, n = sim.particles, sim.particles.owned
-    kept = [(b.stress.copy(), b.state.copy(), b.active.copy()) for b in sim.bonds.blocks]
+    kept = [(b.stress.copy(), b.state.copy(), b.active.copy(), b.total) for b in sim.bonds.blocks]
     velocity, jacobian = p.velocity.copy(), p.jacobian.copy()
     root_mass = np.sqrt(p.mass)[:, None]
     vector = uniform(p.id[:n], p.dimension, seed=1) - 0.5
@@ -84,8 +80,8 @@ def highest_frequency(sim) -> float:
             break
         vector = image / beta
         beside.append(beta)
-    for block, (stress, state, active) in zip(sim.bonds.blocks, kept, strict=True):
-        block.stress[:], block.state[:], block.active[:] = stress, state, active
+    for block, (stress, state, active, total) in zip(sim.bonds.blocks, kept, strict=True):
+        block.stress[:], block.state[:], block.active[:], block.total = stress, state, active, total
     p.velocity[:], p.jacobian[:] = velocity, jacobian
     off = beside[: len(diagonal) - 1]
     matrix = np.diag(diagonal) + np.diag(off, 1) + np.diag(off, -1)
@@ -104,7 +100,7 @@ def _apply_stiffness(sim, displacement):
     p.velocity[: p.owned] = displacement
     sim.halo.update(p, "velocity")
     for block in sim.bonds.blocks:
-        block.stress[:] = 0.0
+        block.stress[:], block.total = 0.0, None
     sim.scheme.deform(p, sim.bonds, sim.halo, dt, dt)
     for block in sim.bonds.blocks:
         bulk, shear = block.material.elastic_moduli(block.stress, block.state)
@@ -120,27 +116,6 @@ def _elastic_stress(bulk, shear, strain, stress):
         volumetric = (bulk[r] - 2.0 / 3.0 * shear[r]) * (strain[r, 0] + strain[r, 1] + strain[r, 2])
         for c in range(stress.shape[1]):
             stress[r, c] = 2.0 * shear[r] * strain[r, c] + (volumetric if c < 3 else 0.0)
-
-
-@kernel
-def _sum_springs(
-    pair, side, active, first, second, weight, position, volume, share, bulk, shear, springs, dim
-):
-    for r in range(pair.shape[0]):
-        if not active[r]:
-            continue
-        b = pair[r]
-        i, j = first[b], second[b]
-        xi = la.difference(position, i, j, dim)
-        r2 = la.dot(xi, xi)
-        c = 2.0 * row_volume(side[r], weight[b] * volume[i] * volume[j], share, i, j) / r2
-        dyad = la.square(xi)
-        for k in range(len(dyad)):
-            value = c * (bulk[r] + shear[r] / 3.0) / r2 * dyad[k]
-            if k < len(dim):
-                value += c * shear[r]
-            springs[i, k] += value
-            springs[j, k] += value
 
 
 @kernel

@@ -23,6 +23,7 @@ from periporo.core import algebra as la
 from periporo.core.correspondence import kinematics
 from periporo.core.correspondence.influence import influence_table
 from periporo.core.correspondence.moments import close_points, sum_moments
+from periporo.core.correspondence.springs import add_spring
 from periporo.core.jit import inlined, kernel
 from periporo.core.rows import BOTH, FIRST, SECOND, PairRows
 
@@ -81,7 +82,7 @@ class BondProjected:
         for block in bonds.blocks:
             _sum_flux(
                 block.pair, block.side, block.active, pairs.first, pairs.second, pairs.weight, p.position, p.volume,
-                p.share, block.stress, p.flux, p.dim,
+                p.share, block.total_stress, p.flux, p.dim,
             )  # fmt: skip
         _close_flux(p.owned, p.volume, p.shape_inverse, p.flux, p.dim)
         halo.update(p, "flux")
@@ -89,8 +90,16 @@ class BondProjected:
         for block in bonds.blocks:
             _add_force(
                 block.pair, block.side, block.active, pairs.first, pairs.second, pairs.weight, p.position, p.volume,
-                p.share, block.stress, p.flux, force, p.dim,
+                p.share, block.total_stress, p.flux, force, p.dim,
             )  # fmt: skip
+
+    def add_springs(self, particles, bonds, block, bulk, shear, springs) -> None:
+        """Add the stiffness of the points' bonds, with moduli (n,) Pa of the block's rows."""
+        p, pairs = particles, bonds.pairs
+        _sum_springs(
+            block.pair, block.side, block.active, pairs.first, pairs.second, pairs.weight, p.position, p.volume,
+            p.share, bulk, shear, springs, p.dim,
+        )  # fmt: skip
 
 
 @kernel
@@ -158,3 +167,18 @@ def _add_force(pair, side, active, first, second, weight, position, volume, shar
             f = lead * t[a] + own * u[a]
             force[i, a] += f
             force[j, a] -= f
+
+
+@kernel
+def _sum_springs(
+    pair, side, active, first, second, weight, position, volume, share, bulk, shear, springs, dim
+):
+    for r in range(pair.shape[0]):
+        if not active[r]:
+            continue
+        b = pair[r]
+        i, j = first[b], second[b]
+        xi = la.difference(position, i, j, dim)
+        c = row_volume(side[r], weight[b] * volume[i] * volume[j], share, i, j)
+        add_spring(springs, i, c, xi, bulk[r], shear[r], dim)
+        add_spring(springs, j, c, xi, bulk[r], shear[r], dim)
