@@ -52,8 +52,8 @@ class DirectedRows:
     """A row for each bond of each owned point, keyed (its id, the neighbour's id), in that order.
 
     `block.side` tells which end of the row's pair holds it, FIRST or SECOND; the rows of owned point i are
-    start[i] ... start[i + 1]. The scheme sets `integrity` (n,), 0 for a row without state, and `fraction` (n,)
-    of the point's volume that the row stands for.
+    start[i] ... start[i + 1]. The scheme sets `integrity` (n,), 0 for a row without state, `fraction` (n,) of
+    the point's volume that the row stands for, and each row's own `shape_inverse` and `gradient`.
     """
 
     def choose(self, block, blocks, pairs, particles) -> None:
@@ -62,7 +62,9 @@ class DirectedRows:
         own = p.material[: p.owned] == block.index
         block.start, block.pair, block.first, block.second = _directed_rows(pairs.first, pairs.second, own, p.owned)
         block.side = np.where(pairs.first[block.pair] == block.first, FIRST, SECOND).astype(np.int8)
-        block.integrity, block.fraction = np.zeros(len(block.pair)), np.zeros(len(block.pair))
+        n, d = len(block.pair), p.dimension
+        block.integrity, block.fraction = np.zeros(n), np.zeros(n)
+        block.shape_inverse, block.gradient = np.zeros((n, d * (d + 1) // 2)), np.zeros((n, d * d))
         block.ids = np.stack([p.id[block.first], p.id[block.second]], axis=1)
 
     def keys(self, block, pairs) -> tuple[np.ndarray, np.ndarray]:

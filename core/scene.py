@@ -7,6 +7,9 @@ import numpy as np
 from periporo.contact.rigid import Box, Plane, RigidContact
 from periporo.core.boundary import Gravity, PrescribedMotion, ViscousDamping
 from periporo.core.correspondence.bond_projected import BondProjected
+from periporo.core.correspondence.standard import Standard
+from periporo.core.correspondence.sub_horizon import SubHorizon
+from periporo.core.correspondence.sub_horizon_published import SubHorizonPublished
 from periporo.core.fields import StrainMeasures
 from periporo.core.particles import Particles
 from periporo.core.simulation import Simulation
@@ -16,14 +19,15 @@ from periporo.io import geometry
 
 SKIN = 0.3  # spacings
 
-SCHEMES = {"bond_projected": BondProjected}
+SCHEMES = {s.name: s for s in (BondProjected, Standard, SubHorizon, SubHorizonPublished)}
 
 
 def build(scene, comm) -> Simulation:
     """The simulation that a `SceneInput` describes, distributed over the ranks of `comm`."""
     particles = Particles(scene.dimension)
     materials = [m.create() for m in scene.materials.values()]
-    scheme = SCHEMES[scene.correspondence](scene.horizon * scene.spacing, scene.influence)
+    chosen = scene.correspondence
+    scheme = SCHEMES[chosen.scheme](scene.horizon * scene.spacing, scene.influence, **chosen.options())
     time_step = StableTimeStep(scene.time_step.safety, scene.time_step.fixed, scene.time_step.update)
     sim = Simulation(
         comm, particles, materials, scheme, spacing=scene.spacing, skin=SKIN * scene.spacing, time_step=time_step

@@ -11,6 +11,7 @@ from periporo.core.particles import Particles
 from periporo.core.reductions import maximum
 from periporo.core.timing import Timing
 
+_MARGIN = 1.0 + 1e-9  # of the ghosts' reach, so that both ranks of a pair list it whatever the rounding
 _IMBALANCE = 1.1  # of the bonds per rank, above which space is divided anew
 
 
@@ -56,7 +57,7 @@ class Simulation:
         self.bonds.collect(self.comm, p, owner)
         owned = self.halo.migrate(p, owner)
         owned["reference_position"] = owned["position"].copy()
-        self.halo.rebuild(p, self.domain, owned, self.reach)
+        self.halo.rebuild(p, self.domain, owned, self.reach * _MARGIN)
         self.bonds.rebuild(p, self.reach)
         self._moved = 0.0
         self.rebuild_count += 1
@@ -121,7 +122,7 @@ class Simulation:
         dt = self.dt
         first_kick(p, forces, dt)  # v at t + dt/2
         for motion in self.prescribed_motions:
-            motion.apply(p, self.time + dt / 2, closing_step=False)
+            motion.apply(p, self.time + dt / 2, dt, closing_step=False)
         self._moved = drift(p, forces, dt)  # x at t + dt
         timing.lap("integration")
         if self.neighbours_are_stale():
@@ -130,7 +131,7 @@ class Simulation:
         self.evaluate_forces()
         second_kick(p, forces, dt)  # v at t + dt
         for motion in self.prescribed_motions:
-            motion.apply(p, self.time + dt, closing_step=True)
+            motion.apply(p, self.time + dt, dt, closing_step=True)
         timing.lap("integration")
         self._advance_clock(dt)
         for observer in self.observers:  # output, energy, watchdog, progress

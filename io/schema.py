@@ -6,7 +6,7 @@ from pathlib import Path, PurePosixPath
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
 
 from periporo.io.input_errors import InputError, Problem
 from periporo.io.schema_base import (
@@ -105,6 +105,39 @@ class DynamicsStage(SceneModel):
 Stage = Annotated[RelaxStage | DynamicsStage, Field(discriminator="type")]
 
 
+SchemeName = Literal["bond_projected", "standard", "sub_horizon", "sub_horizon_published"]
+
+
+class CorrespondenceInput(SceneModel):
+    """A correspondence scheme with its options."""
+
+    scheme: SchemeName = key("name of the scheme")
+    self_point: Flag | None = key("count a point in its own horizon (sub_horizon_published, default true)", default=None)
+    average_ends: Flag | None = key(
+        "give both ends of a bond the mean of their gradients (sub_horizon_published, default true)", default=None
+    )
+
+    @model_validator(mode="after")
+    def _has_the_options(self):
+        if self.options() and self.scheme != "sub_horizon_published":
+            raise ValueError(f"'{self.scheme}' has no option {', '.join(self.options())}: only sub_horizon_published has")
+        return self
+
+    def options(self) -> dict[str, bool]:
+        """The options that were given, by name."""
+        given = {"self_point": self.self_point, "average_ends": self.average_ends}
+        return {name: value for name, value in given.items() if value is not None}
+
+
+def _name_as_scheme(value: Any) -> Any:
+    return {"scheme": value} if isinstance(value, str) else value
+
+
+Correspondence = Annotated[
+    CorrespondenceInput, BeforeValidator(_name_as_scheme, json_schema_input_type=SchemeName | CorrespondenceInput)
+]
+
+
 class TimeStep(SceneModel):
     """How the time step is chosen."""
 
@@ -156,8 +189,9 @@ class SceneInput(SceneModel):
     spacing: Real = key("distance of the points", "m", ge=1e-6, le=1e4)
     horizon: Real = key("radius within which points interact", "spacings", default=2.2, ge=1.5, le=6)
     influence: Literal["cubic", "conical", "gaussian", "constant"] = key("weight of a bond", default="cubic")
-    correspondence: Literal["bond_projected", "standard", "sub_horizon", "sub_horizon_published"] = key(
-        "scheme that turns bonds into deformation and stress into force", default="bond_projected"
+    correspondence: Correspondence = key(
+        "scheme that turns bonds into deformation and stress into force: its name, or {scheme, options}",
+        default=CorrespondenceInput(scheme="bond_projected"),
     )
     materials: dict[Name, MaterialInput] = key("materials by name", min_length=1, max_length=1000)
     bodies: tuple[Body, ...] = key("what the scene consists of", min_length=1, max_length=1000)

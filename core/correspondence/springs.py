@@ -1,0 +1,17 @@
+"""Bonds taken as springs, for the local estimate of the highest frequency (`periporo.core.timestep`)."""
+
+from periporo.core import algebra as la
+from periporo.core.jit import inlined
+
+
+@inlined
+def add_spring(springs, i, volume, xi, bulk, shear, dim):
+    """Add 2 c/|xi|^2 [mu I + (K + mu/3) n n] of a bond xi that stands for a volume c to the stiffness of point i."""
+    r2 = la.dot(xi, xi)
+    c = 2.0 * volume / r2
+    dyad = la.square(xi)
+    for k in range(len(dyad)):
+        value = c * (bulk + shear / 3.0) / r2 * dyad[k]
+        if k < len(dim):
+            value += c * shear
+        springs[i, k] += value

@@ -1,0 +1,116 @@
+"""Standard correspondence (Silling et al. 2007): the unstabilised reference, Menon & Song 2022, eqs 5-14.
+
+A point has one velocity gradient and one stress,
+
+    K_i = sum w V_j xi (x) xi,  L_i = [sum w V_j (v_j - v_i) (x) xi] K_i^-1,
+    T_ij = beta_i w sigma_i K_i^-1 xi,  f_i = sum_j (T_ij - T_ji) V_i V_j,
+
+the force being the conjugate of the internal power sum beta_i V_i sigma_i : L_i. The elastic operator is
+symmetric and positive semi-definite, but many motions that are not rigid cost no energy: they show as
+oscillations. beta fades degenerate neighbourhoods out (`periporo.core.correspondence.moments`).
+"""
+
+import numpy as np
+
+from periporo.core import algebra as la
+from periporo.core.correspondence import kinematics
+from periporo.core.correspondence.influence import influence_table
+from periporo.core.correspondence.moments import close_points, sum_moments
+from periporo.core.correspondence.springs import add_spring
+from periporo.core.jit import kernel
+from periporo.core.rows import PointRows
+
+
+class Standard:
+    """The scheme's two halves of a step: strain from velocity, force from stress."""
+
+    name = "standard"
+    rows = PointRows()
+
+    def __init__(self, horizon: float, influence_name: str):
+        """`horizon` m; `influence_name` one of `influence.NAMES`."""
+        self.horizon = horizon
+        self.table = influence_table(influence_name)
+
+    def deform(self, particles, bonds, halo, dt: float, material_dt: float) -> None:
+        """Strain increment of every active row over the step that ends at the present positions.
+
+        Stress and tensor-valued state are turned to the end of the step; points that become regular get their
+        state, for which a material sees a step of `material_dt` s.
+        """
+        p, pairs = particles, bonds.pairs
+        sum_moments(
+            pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.volume, self.horizon, self.table,
+            p.sums, p.dim,
+        )  # fmt: skip
+        close_points(p.owned, dt, p.sums, p.share, p.shape_inverse, p.gradient, p.jacobian, p.dim)
+        bonds.admit_newborn(p, material_dt)
+        for block in bonds.blocks:
+            _strain_rows(
+                block.first, block.active, p.gradient, dt, block.stress, block.strain_increment, block.state,
+                block.tensor_columns, p.dim,
+            )  # fmt: skip
+
+    def internal_force(self, particles, bonds, halo, force: np.ndarray) -> None:
+        """Fill `force` (total, d) N with the internal force; rows of ghosts are incomplete."""
+        p, pairs = particles, bonds.pairs
+        p.flux[:] = 0.0
+        for block in bonds.blocks:
+            _fill_flux(block.first, block.active, block.stress, p.share, p.shape_inverse, p.flux, p.dim)
+        halo.update(p, "flux")
+        force[:] = 0.0
+        _add_force(pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.flux, force, p.dim)
+
+    def add_springs(self, particles, bonds, block, bulk, shear, springs) -> None:
+        """Add the stiffness of the points' bonds, with moduli (n,) Pa of the block's rows."""
+        p, pairs = particles, bonds.pairs
+        moduli = np.zeros((p.total, 2))
+        moduli[block.first[block.active]] = np.stack([bulk, shear], axis=1)[block.active]
+        _sum_springs(pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.share, moduli, springs, p.dim)
+
+
+@kernel
+def _strain_rows(point, active, gradient, dt, stress, strain_increment, state, tensors, dim):
+    for r in range(point.shape[0]):
+        if active[r]:
+            g = la.scaled(la.matrix_at(gradient, point[r], 0, dim), dt)
+            kinematics.deform_row(g, r, stress, strain_increment, state, tensors, dim)
+        else:
+            for c in range(strain_increment.shape[1]):
+                strain_increment[r, c] = 0.0
+
+
+@kernel
+def _fill_flux(point, active, stress, share, shape_inverse, flux, dim):
+    """B_i = beta_i sigma_i K_i^-1 of the points with a row here."""
+    for r in range(point.shape[0]):
+        if active[r]:
+            i = point[r]
+            z = la.scaled(la.full(la.symmetric_at(stress, r, 0, dim)), share[i, 1])
+            la.store(flux, i, 0, la.times_shape(z, la.shape_at(shape_inverse, i, 0, dim)))
+
+
+@kernel
+def _add_force(first, second, weight, position, volume, flux, force, dim):
+    """Add w V_i V_j (B_i + B_j) xi to both ends of each pair."""
+    for b in range(first.shape[0]):
+        if weight[b] == 0.0:
+            continue
+        i, j = first[b], second[b]
+        xi = la.difference(position, i, j, dim)
+        t = la.apply(la.mean_matrix(flux, i, j, dim), xi)
+        wvv = 2.0 * weight[b] * volume[i] * volume[j]
+        for a in range(len(dim)):
+            force[i, a] += wvv * t[a]
+            force[j, a] -= wvv * t[a]
+
+
+@kernel
+def _sum_springs(first, second, weight, position, volume, share, moduli, springs, dim):
+    """Springs of each end with its own moduli: the bonds of a point share twice its volume among them."""
+    for b in range(first.shape[0]):
+        i, j = first[b], second[b]
+        xi = la.difference(position, i, j, dim)
+        c = 2.0 * weight[b] * volume[i] * volume[j]
+        add_spring(springs, i, c * share[i, 0], xi, moduli[i, 0], moduli[i, 1], dim)
+        add_spring(springs, j, c * share[j, 0], xi, moduli[j, 0], moduli[j, 1], dim)
