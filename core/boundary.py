@@ -11,20 +11,21 @@ from periporo.core.particles import Particles
 class PrescribedMotion:
     """Velocity components of a set of points as functions of time; their reactions do the work `prescribed`.
 
-    `ids` sorted global ids of the points; `velocities` maps an axis to a function of time (s) in m/s.
+    `ids` sorted global ids of the points; `velocities` maps an axis to a function of time and time step (s) in m/s,
+    such as `velocity_history` and `displacement_history` make.
     """
 
-    def __init__(self, ids: np.ndarray, velocities: dict[int, Callable[[float], float]]):
+    def __init__(self, ids: np.ndarray, velocities: dict[int, Callable[[float, float], float]]):
         self.ids = ids
         self.velocities = velocities
         self._found = None
 
-    def apply(self, p: Particles, time: float, closing_step: bool) -> None:
-        """Impose the velocity of `time`: after the first kick, or after the second (`closing_step`)."""
+    def apply(self, p: Particles, time: float, dt: float, closing_step: bool) -> None:
+        """Impose the velocity of `time` in a step of `dt`: after the first kick, or the second (`closing_step`)."""
         rows = self._rows(p)
         for axis, function in self.velocities.items():
             kicked, before = p.velocity[rows, axis], p.previous_velocity[rows, axis]
-            imposed = np.full(len(rows), function(time))
+            imposed = np.full(len(rows), function(time, dt))
             mass = p.mass[rows]
             half_step = before if closing_step else imposed
             p.work[rows, PRESCRIBED] += mass * (imposed - kicked) * half_step
@@ -46,6 +47,24 @@ class PrescribedMotion:
         return self._found[1]
 
 
+def velocity_history(times, values) -> Callable[[float, float], float]:
+    """Velocity that is linear between `values` (k,) m/s at `times` (k,) s, for `PrescribedMotion`."""
+    return lambda time, dt: float(np.interp(time, times, values))
+
+
+def displacement_history(times, values) -> Callable[[float, float], float]:
+    """Velocity with which every step ends at the displacement of its time, `values` (k,) m at `times` (k,) s.
+
+    A difference over the step around `time`: the drifts of the steps add up to the displacement, whatever the steps.
+    """
+
+    def velocity(time, dt):
+        after, before = np.interp([time + 0.5 * dt, time - 0.5 * dt], times, values)
+        return float((after - before) / dt)
+
+    return velocity
+
+
 class Gravity:
     """Weight of every point, m g."""
 
@@ -58,16 +77,18 @@ class Gravity:
 
 
 class Traction:
-    """A dead load per area on the outermost points of a side, given as force (n, d) N of the points `ids`."""
+    """A dead load, the same `force` (d,) N on each of the points `ids`."""
 
     def __init__(self, ids: np.ndarray, force: np.ndarray):
         self.ids = ids
         self.force = force
+        self._found = None
 
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Add to the external force."""
-        _, rows, mine = np.intersect1d(p.id[: p.owned], self.ids, assume_unique=True, return_indices=True)
-        p.external_force[rows] += self.force[mine]
+        if self._found is None or self._found[0] is not p.id:
+            self._found = p.id, np.flatnonzero(np.isin(p.id[: p.owned], self.ids, assume_unique=True))
+        p.external_force[self._found[1]] += self.force
 
 
 class ViscousDamping:

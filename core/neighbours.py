@@ -22,18 +22,27 @@ class Pairs:
     def find(self, particles, reach: float) -> None:
         """List every pair closer than `reach` m whose points may bond (same `group`)."""
         p = particles
-        order = np.argsort(p.id, kind="stable").astype(np.int32)
-        cell, counts = _cells(p.position[order], reach)
         capacity = max(int(1.2 * len(self.first)), 16 * p.total, 64)
-        while True:
-            ends = np.empty((2, capacity), np.int32)
-            found = _find_pairs(order, p.position, p.group, p.owned, cell, counts, reach, ends, p.dim)
-            if found <= capacity:
-                break
-            capacity = found
-        self.first, self.second = ends[0, :found].copy(), ends[1, :found].copy()
+        self.first, self.second = find_pairs(p, np.arange(p.total), p.group, reach, capacity)
+        found = len(self.first)
         self.ids = np.stack([p.id[self.first], p.id[self.second]], axis=1)
         self.weight = np.zeros(found)
+
+
+def find_pairs(particles, rows: np.ndarray, group: np.ndarray, reach: float, capacity: int = 1024) -> np.ndarray:
+    """Ends (2, n) int32 of all pairs among `rows` closer than `reach` m, of equal `group` and with an owned end.
+
+    The first end has the lower id; pairs stand in the order of (lower id, higher id). `capacity` is a guess of n.
+    """
+    p = particles
+    order = rows[np.argsort(p.id[rows], kind="stable")].astype(np.int32)
+    cell, counts = _cells(p.position[order], reach)
+    while True:
+        ends = np.empty((2, capacity), np.int32)
+        found = _find_pairs(order, p.position, group, p.owned, cell, counts, reach, ends, p.dim)
+        if found <= capacity:
+            return ends[:, :found].copy()
+        capacity = found
 
 
 def _cells(position, reach):

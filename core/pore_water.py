@@ -12,6 +12,7 @@ import numpy as np
 from periporo.core.energy import WORK
 from periporo.core.jit import inlined, kernel
 from periporo.core.particles import Field
+from periporo.io.input_errors import InputError, Problem
 from periporo.materials.cam_clay import BONDING
 
 _EXTERNAL = WORK.index("external")
@@ -80,6 +81,28 @@ class RetentionTable:
         return np.full(len(porosity), value)
 
 
+def retention_curve(model) -> RetentionCurve | RetentionTable:
+    """The curve that the `retention` entry of a scene describes. Raises InputError for an unusable table."""
+    if model.table is not None:
+        try:
+            return RetentionTable(*_read_table(model.table))
+        except (OSError, ValueError) as error:
+            problem = Problem(("pore_water", "retention", "table"), f"{model.table}: {error}")
+            raise InputError("scene", [problem]) from None
+    if model.set is not None:
+        return RetentionCurve(*RETENTION[model.set])
+    return RetentionCurve(model.alpha1, model.alpha2, model.alpha3)
+
+
+def _read_table(name):
+    """Columns of a CSV file headed suction,saturation in Pa and 1."""
+    with open(name, encoding="utf-8-sig") as file:
+        header = file.readline().strip().replace(" ", "")
+        if header != "suction,saturation":
+            raise ValueError(f"its first line must be suction,saturation, not {header!s:.60}")
+        return np.loadtxt(file, delimiter=",", ndmin=2).T
+
+
 class PoreWater:
     """The point process of pore water at constant `suction` Pa.
 
@@ -90,18 +113,20 @@ class PoreWater:
 
     output = ("porosity", "saturation", "suction")
 
-    def __init__(self, suction, curve, water_density, porosity, *, frozen=False, sim):
+    def __init__(self, suction, curve, water_density, porosity, *, frozen=False):
         self.suction = suction
         self.curve = curve
         self.water_density = water_density
         self.initial_porosity = np.asarray(porosity, float)
         self.frozen = frozen
-        self._halo = sim.halo
+        self._halo = None
         ones = np.ones(len(self.initial_porosity))
         self.initial_saturation = curve.saturation(suction, self.initial_porosity, ones)
+        self.initial_bonding = bonding_variable(suction, self.initial_saturation)
 
-    def attach(self, p) -> None:
-        """Declare the point fields."""
+    def attach(self, p, halo) -> None:
+        """Declare the point fields; `halo` refreshes those that ghosts need."""
+        self._halo = halo
         for name, unit in (("porosity", "1"), ("saturation", "1"), ("suction", "Pa"), ("grain_mass", "kg")):
             p.add_field(Field(name, None, unit, sent=False))
         p.add_field(Field("pore_stress", None, "Pa"))  # -S_r p_w
@@ -114,7 +139,7 @@ class PoreWater:
         owned["saturation"] = self.initial_saturation[material]
         owned["suction"] = np.full(len(material), self.suction)
         owned["pore_stress"] = owned["saturation"] * self.suction
-        owned["bonding_variable"] = bonding_variable(self.suction, owned["saturation"])
+        owned["bonding_variable"] = self.initial_bonding[material]
         owned["grain_mass"] = owned["mass"]
         owned["mass"] = owned["mass"] + self.water_density * owned["saturation"] * owned["porosity"] * owned["volume"]
 

@@ -25,7 +25,8 @@ Sites = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 class Lattice:
     """The sites of one body of a scene.
 
-    `size` sites, numbered from the global id `first_id`; not every site lies inside the shape.
+    `size` sites, numbered from the global id `first_id`; not every site lies inside the shape. `material` is the
+    index of the body's material, `layers` lists (level, index) of those above, ascending.
     """
 
     def __init__(self, scene: "SceneInput", body: Body, first_id: int = 0):
@@ -37,8 +38,8 @@ class Lattice:
         self._seed = scene.seed
         self._gravity = scene.vector(scene.gravity)
         names = list(scene.materials)
-        self._material = names.index(body.material)
-        self._layers = [(layer.above, names.index(layer.material)) for layer in body.layers]
+        self.material = names.index(body.material)
+        self.layers = [(layer.above, names.index(layer.material)) for layer in body.layers]
 
     @cached_property
     def counts(self) -> tuple[int, ...]:
@@ -118,10 +119,10 @@ class Lattice:
         return ids, positions, volumes, materials
 
     def _materials_at(self, positions: np.ndarray) -> np.ndarray:
-        materials = np.full(len(positions), self._material, dtype=np.int64)
-        if self._layers:
+        materials = np.full(len(positions), self.material, dtype=np.int64)
+        if self.layers:
             level = -positions @ (self._gravity / np.sqrt(np.sum(self._gravity**2)))
-            for above, material in self._layers:
+            for above, material in self.layers:
                 materials[level >= above] = material
         return materials
 
@@ -189,12 +190,12 @@ def _inside(shape: Shape, positions: np.ndarray) -> np.ndarray:
             across = [axis for axis in range(3) if "xyz"[axis] != shape.axis]
             return np.sum((positions - shape.base)[:, across] ** 2, axis=1) <= shape.radius**2
         case Polygon():
-            return _inside_polygon(np.array(shape.vertices), positions)
+            return inside_polygon(np.array(shape.vertices), positions)
         case _:
             return np.ones(len(positions), dtype=bool)
 
 
-def _inside_polygon(corners: np.ndarray, positions: np.ndarray) -> np.ndarray:
+def inside_polygon(corners: np.ndarray, positions: np.ndarray) -> np.ndarray:
     """Even-odd rule: a ray along x from an inner point crosses an odd number of edges."""
     x, y = positions[:, 0], positions[:, 1]
     inside = np.zeros(len(positions), dtype=bool)

@@ -106,12 +106,12 @@ class CamClay(MaterialParameters):
             + ((DISSIPATION,) if self.report_dissipation else ())
         )
 
-    def for_unsaturated(self) -> "UnsaturatedCamClay":
+    def for_unsaturated(self, initial_bonding: float = 0.0) -> "UnsaturatedCamClay":
         """The same soil with a state column `bonding` that a pore-water process writes."""
-        return UnsaturatedCamClay(**self.model_dump())
+        return UnsaturatedCamClay(**self.model_dump(), initial_bonding=initial_bonding)
 
     def initial_state(self, stress, ids, volume):
-        """State (n, k) of rows at `stress` (n, 4|6) Pa, without bonding.
+        """State (n, k) of rows at `stress` (n, 4|6) Pa.
 
         The overconsolidation ratio multiplies the p_c of the ellipse through the stress, p + q^2/(M^2 p), so
         that a ratio of 1 is at yield for every stress ratio. Tension starts at the floor.
@@ -125,6 +125,8 @@ class CamClay(MaterialParameters):
             through_stress = np.where(p < 0, -p, 0.0) + (q / self.critical_state_slope) ** 2 / pressure
             size = self.overconsolidation_ratio * through_stress
         state[:, 0] = -np.maximum(size, self.minimum_preconsolidation)
+        if self.unsaturated:
+            state[:, 1] = self.initial_bonding
         return state
 
     def compute_stress(self, stress, strain_increment, state, dt):
@@ -174,6 +176,8 @@ class CamClay(MaterialParameters):
 
 class UnsaturatedCamClay(CamClay):
     """Cam-Clay whose p_c grows with the bonding variable xi in the state column `bonding`."""
+
+    initial_bonding: float = Field(0.0, ge=0, description="xi at the start", json_schema_extra=_NUMBER)
 
     unsaturated: ClassVar[bool] = True
 

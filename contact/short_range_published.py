@@ -1,0 +1,115 @@
+"""The published short-range contact force against a substrate of fixed points (Menon & Song 2022, eqs 95-96)."""
+
+import numpy as np
+
+from periporo.core.energy import ForceChannels
+from periporo.core.jit import kernel
+from periporo.core.particles import Particles
+
+
+class ShortRangePublished:
+    """Repulsion of points from the fixed points of a box, and what its authors call friction.
+
+    A point at distance r < `cutoff` m from a substrate point is pushed away by C_s (cutoff - r), C_s = `stiffness`
+    N/m^2. That is a force per thickness of a plane scene; in space it acts on a spacing, k = C_s spacing. It is
+    applied once to the point, not as the difference of two equal and opposite states times volumes, which eq. 97
+    asks for and the units of C_s contradict.
+
+    The published `friction` acts along the same line: it changes the repulsion by the factor 1 + friction while the
+    points approach and 1 - friction while they part. So it is not friction but a rate-dependent restitution: what a
+    sliding point loses when it climbs towards a substrate point it mostly gets back behind it, and the mean
+    resistance is a few per cent of the normal force at best, whatever the coefficient. What resists sliding is the
+    roughness of a row of points: at a substrate spacing equal to that of the body it interlocks even without
+    friction, at a quarter of it it is smooth. `benchmarks/short_range_friction.py` shows the figures. It is here to
+    redraw the published results; `periporo.contact.rigid` has Coulomb's law.
+
+    `lower`, `upper` (d,) m corners of the box, filled with points `substrate_spacing` m apart, half of that inside
+    its faces. The repulsion goes to the channel `contact`, the rest to `friction`.
+    """
+
+    def __init__(self, lower, upper, substrate_spacing, *, spacing, stiffness, friction, cutoff):
+        lower, side = np.asarray(lower, float), np.asarray(upper, float) - np.asarray(lower, float)
+        self.counts = np.maximum(np.rint(side / substrate_spacing), 1).astype(np.int64)
+        self.origin = lower + 0.5 * substrate_spacing
+        self.substrate_spacing = substrate_spacing
+        self.stiffness = stiffness * spacing ** (len(lower) - 2)
+        self.friction = friction
+        self.cutoff = cutoff
+
+    def attach(self, p: Particles, forces: ForceChannels) -> None:
+        """Declare the force channels."""
+        forces.need("contact")
+        forces.need("friction")
+
+    def add_force(self, p: Particles, time: float, dt: float) -> None:
+        """Add repulsion and friction; velocities are those of the middle of the step."""
+        _short_range_force(
+            p.owned, p.position, p.velocity, self.origin, self.counts, self.substrate_spacing, self.cutoff,
+            self.stiffness, self.friction, p.contact_force, p.friction_force, p.dim,
+        )  # fmt: skip
+
+    def add_stiffness(self, p: Particles, time: float, stiffness: np.ndarray) -> None:
+        """Add the stiffness (N/m) of the bonds to substrate points that hold a point or may soon."""
+        _short_range_stiffness(
+            p.owned, p.position, self.origin, self.counts, self.substrate_spacing, 1.25 * self.cutoff,
+            self.stiffness * (1.0 + self.friction), stiffness, p.dim,
+        )  # fmt: skip
+
+
+@kernel
+def _nearby(position, i, origin, counts, spacing, reach, first, last):
+    """Fill the lattice range [first, last] within `reach` of a point along each axis; whether it is empty."""
+    for a in range(3):
+        first[a], last[a] = 0, 0
+    for a in range(origin.shape[0]):
+        x = (position[i, a] - origin[a]) / spacing
+        first[a] = max(int(np.ceil(x - reach / spacing)), 0)
+        last[a] = min(int(np.floor(x + reach / spacing)), counts[a] - 1)
+        if not first[a] <= last[a]:
+            return True
+    return False
+
+
+@kernel
+def _short_range_force(
+    owned, position, velocity, origin, counts, spacing, cutoff, stiffness, friction, contact, shear, dim
+):
+    d = len(dim)
+    first, last, away, site = np.zeros(3, np.int64), np.zeros(3, np.int64), np.zeros(3), np.zeros(3, np.int64)
+    for i in range(owned):
+        if _nearby(position, i, origin, counts, spacing, cutoff, first, last):
+            continue
+        for sx in range(first[0], last[0] + 1):
+            for sy in range(first[1], last[1] + 1):
+                for sz in range(first[2], last[2] + 1):
+                    site[0], site[1], site[2] = sx, sy, sz
+                    square, rate = 0.0, 0.0
+                    for a in range(d):
+                        away[a] = position[i, a] - (origin[a] + site[a] * spacing)
+                        square += away[a] ** 2
+                        rate += away[a] * velocity[i, a]
+                    r = np.sqrt(square)
+                    if r >= cutoff:
+                        continue
+                    f = stiffness * (cutoff - r) / r
+                    sign = 1.0 if rate > 0.0 else (-1.0 if rate < 0.0 else 0.0)
+                    for a in range(d):
+                        contact[i, a] += f * away[a]
+                        shear[i, a] -= friction * sign * f * away[a]
+
+
+@kernel
+def _short_range_stiffness(owned, position, origin, counts, spacing, reach, stiffness, total, dim):
+    first, last = np.zeros(3, np.int64), np.zeros(3, np.int64)
+    for i in range(owned):
+        if _nearby(position, i, origin, counts, spacing, reach, first, last):
+            continue
+        for sx in range(first[0], last[0] + 1):
+            for sy in range(first[1], last[1] + 1):
+                for sz in range(first[2], last[2] + 1):
+                    square = (position[i, 0] - origin[0] - sx * spacing) ** 2
+                    square += (position[i, 1] - origin[1] - sy * spacing) ** 2
+                    if len(dim) == 3:
+                        square += (position[i, 2] - origin[2] - sz * spacing) ** 2
+                    if square < reach * reach:
+                        total[i] += stiffness

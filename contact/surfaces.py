@@ -1,0 +1,150 @@
+"""Rigid analytic obstacles: how far a point is from their surface, and which way out of them.
+
+Every obstacle is solid: a gap is negative inside. Edges and corners are round to a point that comes from
+outside, so that the gap is continuous and its gradient is the normal.
+"""
+
+from typing import Protocol
+
+import numpy as np
+
+from periporo.core.jit import kernel
+
+
+class Surface(Protocol):
+    """Geometry of a rigid obstacle."""
+
+    def gap(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distance (n,) m of each position (n, d) to the surface, negative inside, and outward normal (n, d)."""
+
+
+class Plane:
+    """Half-space behind the plane through `point` with outward `normal` (of any length)."""
+
+    def __init__(self, point, normal):
+        self.point = np.asarray(point, float)
+        normal = np.asarray(normal, float)
+        self.normal = normal / np.sqrt((normal**2).sum())
+
+    def gap(self, position):
+        """See `Surface.gap`."""
+        gap = ((position - self.point) * self.normal).sum(axis=1)  # not by BLAS: its last bit depends on n
+        return gap, np.broadcast_to(self.normal, position.shape)
+
+
+class Box:
+    """Solid box from `lower` to `upper`; points stay outside."""
+
+    def __init__(self, lower, upper):
+        self.lower, self.upper = np.asarray(lower, float), np.asarray(upper, float)
+
+    def gap(self, position):
+        """See `Surface.gap`; edges and corners are round."""
+        away = position - np.clip(position, self.lower, self.upper)
+        distance = np.sqrt((away**2).sum(axis=1))
+        # inside, the way out is through the nearest face
+        depth = np.concatenate([position - self.lower, self.upper - position], axis=1)
+        face, rows, d = np.argmin(depth, axis=1), np.arange(len(position)), position.shape[1]
+        inside_normal = np.zeros_like(position)
+        inside_normal[rows, face % d] = np.where(face < d, -1.0, 1.0)
+        inside = distance == 0.0
+        normal = np.where(inside[:, None], inside_normal, away / np.where(inside, 1.0, distance)[:, None])
+        return np.where(inside, -depth[rows, face], distance), normal
+
+
+class Disc:
+    """Solid disc in the plane; points stay outside."""
+
+    def __init__(self, center, radius):
+        self.center, self.radius = np.asarray(center, float), float(radius)
+
+    def gap(self, position):
+        """See `Surface.gap`; at the very centre the way out is along the first axis."""
+        distance, normal = _radial(position - self.center)
+        return distance - self.radius, normal
+
+
+class Cylinder:
+    """Solid circular cylinder along `axis` (0, 1, 2); `base` is the centre of its lowest end face."""
+
+    def __init__(self, base, axis, radius, height):
+        self.base, self.axis = np.asarray(base, float), axis
+        self.radius, self.height = float(radius), float(height)
+
+    def gap(self, position):
+        """See `Surface.gap`; the rims are round."""
+        relative = position - self.base
+        along = relative[:, self.axis].copy()
+        relative[:, self.axis] = 0.0
+        distance, radial = _radial(relative, first=(self.axis + 1) % 3)
+        side, end = distance - self.radius, np.maximum(-along, along - self.height)
+        axial = np.zeros_like(radial)
+        axial[:, self.axis] = np.where(along > 0.5 * self.height, 1.0, -1.0)
+        rim = np.sqrt(np.maximum(side, 0.0) ** 2 + np.maximum(end, 0.0) ** 2)
+        beside = np.where(rim > 0.0, np.maximum(side, 0.0), side >= end)[:, None]
+        beyond = np.where(rim > 0.0, np.maximum(end, 0.0), side < end)[:, None]
+        normal = (beside * radial + beyond * axial) / np.where(rim > 0.0, rim, 1.0)[:, None]
+        return np.where(rim > 0.0, rim, np.maximum(side, end)), normal
+
+
+class Polyline:
+    """Ground to the right of a polyline in the plane: points stay on the left along its vertices (n, 2).
+
+    An open line goes on forever beyond its ends, along its first and last segment; one whose last vertex is its
+    first encloses an obstacle (clockwise) or a basin (counterclockwise).
+    """
+
+    def __init__(self, vertices):
+        vertices = np.asarray(vertices, float)
+        self.start, self.edge = vertices[:-1], np.diff(vertices, axis=0)
+        self.closed = bool((vertices[0] == vertices[-1]).all())
+        following = np.roll(self.edge, -1, axis=0)
+        turn = self.edge[:, 0] * following[:, 1] - self.edge[:, 1] * following[:, 0]
+        # in the wedge of a vertex a point is outside if the line turns to the right there
+        self.convex = turn <= 0.0
+
+    def gap(self, position):
+        """See `Surface.gap`; the nearest segment or vertex counts."""
+        gap, normal = np.empty(len(position)), np.empty_like(position)
+        _polyline_gap(position, self.start, self.edge, self.convex, self.closed, gap, normal)
+        return gap, normal
+
+
+def _radial(relative, first=0):
+    """Length (n,) and direction (n, d) of vectors; along axis `first` where they vanish."""
+    distance = np.sqrt((relative**2).sum(axis=1))
+    fallback = np.zeros(relative.shape[1])
+    fallback[first] = 1.0
+    zero = distance == 0.0
+    return distance, np.where(zero[:, None], fallback, relative / np.where(zero, 1.0, distance)[:, None])
+
+
+@kernel
+def _polyline_gap(position, start, edge, convex, closed, gap, normal):
+    segments = start.shape[0]
+    for i in range(position.shape[0]):
+        nearest = np.inf
+        for s in range(segments):
+            ex, ey = edge[s, 0], edge[s, 1]
+            rx, ry = position[i, 0] - start[s, 0], position[i, 1] - start[s, 1]
+            t = (rx * ex + ry * ey) / (ex * ex + ey * ey)
+            vertex = -1  # the segment before the vertex that is nearest, if it is one
+            if t < 0.0 and (closed or s > 0):
+                t, vertex = 0.0, (s - 1) % segments
+            elif t > 1.0 and (closed or s < segments - 1):
+                t, vertex = 1.0, s
+            ax, ay = rx - t * ex, ry - t * ey
+            distance = np.sqrt(ax * ax + ay * ay)
+            if distance >= nearest:
+                continue
+            nearest = distance
+            length = np.sqrt(ex * ex + ey * ey)
+            if vertex >= 0 and distance > 0.0:
+                sign = 1.0 if convex[vertex] else -1.0
+                normal[i, 0], normal[i, 1] = sign * ax / distance, sign * ay / distance
+            else:
+                sign = 1.0 if ex * ry - ey * rx >= 0.0 else -1.0
+                normal[i, 0], normal[i, 1] = -ey / length, ex / length
+            gap[i] = sign * distance
+        if not nearest < np.inf:  # NaN stays visible
+            gap[i], normal[i, 0], normal[i, 1] = np.nan, np.nan, np.nan

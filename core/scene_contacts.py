@@ -1,0 +1,81 @@
+"""From the contacts of a scene to the objects that make their forces."""
+
+from itertools import combinations
+
+import numpy as np
+
+from periporo.contact import surfaces
+from periporo.contact.bodies import BodiesContact
+from periporo.contact.rigid import RigidContact
+from periporo.contact.short_range_published import ShortRangePublished
+from periporo.io.input_errors import InputError, Problem
+
+
+def build_contact(scene, model, number: int, sim):
+    """The contact that entry `number` of the scene's contacts describes."""
+    spacing = scene.spacing
+    if model.type == "short_range_published":
+        substrate = model.substrate
+        return ShortRangePublished(
+            substrate.lower, substrate.upper, substrate.spacing * spacing, spacing=spacing, stiffness=model.stiffness,
+            friction=model.friction, cutoff=model.cutoff * spacing,
+        )  # fmt: skip
+    stiffness = model.stiffness
+    if stiffness is None:
+        stiffness = max(_p_wave_modulus(m) for m in sim.materials) / spacing
+    law = {
+        "stiffness": stiffness * spacing ** (scene.dimension - 1),
+        "friction": model.friction,
+        "damping": model.damping,
+    }
+    if model.type == "bodies":
+        names = [b.name for b in scene.bodies]
+        return BodiesContact(str(number), names.index(model.first), names.index(model.second), sim=sim, **law)
+    velocity = None if model.velocity is None else scene.vector(model.velocity)
+    return RigidContact(str(number), _surface(model), spacing=spacing, skin=sim.skin, velocity=velocity, **law)
+
+
+def _surface(model) -> surfaces.Surface:
+    match model.type:
+        case "plane":
+            return surfaces.Plane(model.point, model.normal)
+        case "box":
+            return surfaces.Box(model.lower, model.upper)
+        case "disc":
+            return surfaces.Disc(model.center, model.radius)
+        case "cylinder":
+            return surfaces.Cylinder(model.base, "xyz".index(model.axis), model.radius, model.height)
+        case "polyline":
+            return surfaces.Polyline(model.vertices)
+
+
+def _p_wave_modulus(material):
+    """K + 4 mu / 3 of a material without stress, Pa."""
+    stress = np.zeros((1, 6))
+    state = material.initial_state(stress, np.zeros((1, 2), np.int64), np.ones(1))
+    bulk, shear = material.elastic_moduli(stress, state)
+    return float(bulk[0] + 4.0 / 3.0 * shear[0])
+
+
+def bonding_groups(scene) -> np.ndarray:
+    """Group of each body (bodies,): points of different groups do not bond.
+
+    A body that a bodies contact names bonds with no other; all others may bond. Raises InputError if two bodies
+    would neither bond nor touch, since they would pass through each other.
+    """
+    names = [b.name for b in scene.bodies]
+    touching = {frozenset((c.first, c.second)) for c in scene.contacts if c.type == "bodies"}
+    named = set().union(*touching)
+    for pair in combinations(names, 2):
+        if named.intersection(pair) and frozenset(pair) not in touching:
+            first, second = pair
+            message = (
+                f"'{first}' and '{second}' would pass through each other: a body in a contact of type 'bodies' bonds "
+                f"with no other body; add {{type: bodies, first: {first}, second: {second}, friction: ..}}"
+            )
+            raise InputError("scene", [Problem(("contacts",), message)])
+    groups = np.zeros(len(names), np.int64)
+    for k, name in enumerate(names):
+        if name in named:
+            groups[k] = k + 1
+    return groups
