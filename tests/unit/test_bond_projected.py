@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from periporo.core.correspondence.bond_projected import DEGENERATE, REGULAR
+from periporo.core.correspondence.moments import DEGENERATE, REGULAR
 from periporo.core.tensors import to_matrix
 from periporo.materials.elastic import Elastic
 
@@ -43,7 +43,7 @@ def dense(sim):
 def rows_of(sim):
     """(block, row, lower id, higher id, volume of the row) of all active rows."""
     for block in sim.bonds.blocks:
-        volumes = sim.bonds._row_volumes(block, sim.particles, np.arange(len(block.pair)))
+        volumes = sim.bonds.layout.volumes(block, sim.bonds.pairs, sim.particles, np.arange(len(block.pair)))
         for r in np.flatnonzero(block.active):
             i, j = sim.bonds.pairs.ids[block.pair[r]]
             yield block, r, i, j, volumes[r]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from periporo.core.bonds import BOTH, FIRST, SECOND
+from periporo.core.rows import BOTH, FIRST, SECOND
 from periporo.materials.elastic import Elastic
 from periporo.materials.protocol import StateField
 
@@ -177,7 +177,7 @@ def test_active_rows_are_the_pairs_within_the_horizon_whatever_the_list(cloud, g
 
 
 def row_volumes(sim, block):
-    return sim.bonds._row_volumes(block, sim.particles, np.arange(len(block.pair)))
+    return sim.bonds.layout.volumes(block, sim.bonds.pairs, sim.particles, np.arange(len(block.pair)))
 
 
 @pytest.mark.parametrize("counts", [(7, 6), (4, 4, 4)])
