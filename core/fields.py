@@ -18,8 +18,6 @@ _PLAIN = {  # name -> unit and how to get it from the particles, owned rows
     "material": ("", lambda p, n: p.material[:n]),
     "body": ("", lambda p, n: p.body[:n]),
     "integrity": ("1", lambda p, n: p.share[:n, 1]),
-    "equivalent_shear_strain": ("1", lambda p, n: p.equivalent_shear_strain[:n]),
-    "volumetric_strain": ("1", lambda p, n: p.volumetric_strain[:n]),
 }
 
 
@@ -35,9 +33,11 @@ class OutputField:
 class StrainMeasures:
     """Accumulated strain of the points: equivalent shear sqrt(2/3)|dev D| dt, and volumetric tr D dt."""
 
+    output = ("equivalent_shear_strain", "volumetric_strain")
+
     def attach(self, p) -> None:
         """Declare the two fields."""
-        for name in ("equivalent_shear_strain", "volumetric_strain"):
+        for name in self.output:
             p.add_field(Field(name, None, "1", sent=False))
 
     def update(self, p, bonds, dt: float) -> None:
@@ -67,6 +67,8 @@ def available(sim) -> dict[str, OutputField]:
     for name, (unit, _) in _PLAIN.items():
         width = p.fields[name].columns if name in p.fields else (p.dimension if name == "displacement" else None)
         fields[name] = OutputField(name, width or 1, unit)
+    for name in _of_processes(sim):
+        fields[name] = OutputField(name, p.fields[name].columns or 1, p.fields[name].unit)
     fields["stress"] = OutputField("stress", p.components, "Pa")
     for name in sim.forces.names:
         fields[f"{name}_force"] = OutputField(f"{name}_force", p.dimension, "N")
@@ -76,17 +78,23 @@ def available(sim) -> dict[str, OutputField]:
     return fields
 
 
+def _of_processes(sim) -> list[str]:
+    """Point fields that the point processes offer for output."""
+    return [name for process in sim.point_processes for name in process.output]
+
+
 def values(sim, names) -> dict[str, np.ndarray]:
     """The named fields on the owned points; a point's stress and state are the averages of its bonds."""
     p, n = sim.particles, sim.particles.owned
     result = {}
-    averaged = [name for name in names if name not in _PLAIN and not name.endswith("_force")]
+    stored = _of_processes(sim)
+    averaged = [name for name in names if name not in (*_PLAIN, *stored) and not name.endswith("_force")]
     if averaged:
         sim.bonds.average(p, np.arange(n))
     for name in names:
         if name in _PLAIN:
             result[name] = _PLAIN[name][1](p, n)
-        elif name.endswith("_force"):
+        elif name in stored or name.endswith("_force"):
             result[name] = getattr(p, name)[:n]
         else:
             result[name] = _averaged(sim, name)

@@ -56,7 +56,7 @@ class Standard:
         p, pairs = particles, bonds.pairs
         p.flux[:] = 0.0
         for block in bonds.blocks:
-            _fill_flux(block.first, block.active, block.stress, p.share, p.shape_inverse, p.flux, p.dim)
+            _fill_flux(block.first, block.active, block.total_stress, p.share, p.shape_inverse, p.flux, p.dim)
         halo.update(p, "flux")
         force[:] = 0.0
         _add_force(pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.flux, force, p.dim)

@@ -97,7 +97,7 @@ class SubHorizon:
     def _fill_force_states(self, p, pairs, block, states):
         _distribute_stress(
             block.start, block.pair, block.side, block.second, block.active, pairs.weight, p.position, self.horizon,
-            block.fraction, block.stress, block.shape_inverse, states, p.dim,
+            block.fraction, block.total_stress, block.shape_inverse, states, p.dim,
         )  # fmt: skip
 
     def exchange(self, p, pairs, halo, sides) -> None:

@@ -52,7 +52,7 @@ class SubHorizonPublished(SubHorizon):
     def _fill_force_states(self, p, pairs, block, states):
         _fill_states(
             block.first, block.second, block.pair, block.side, block.active, pairs.weight, p.position, block.fraction,
-            block.stress, block.shape_inverse, states, p.dim,
+            block.total_stress, block.shape_inverse, states, p.dim,
         )  # fmt: skip
 
 
