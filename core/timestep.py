@@ -72,7 +72,7 @@ def highest_frequency(sim) -> float:
     diagonal, beside = [], []
     vector /= np.sqrt(_inner(sim, vector, vector))
     for _ in range(_LANCZOS_STEPS):
-        image = _apply_stiffness(sim, vector / root_mass) / root_mass
+        image = apply_stiffness(sim, vector / root_mass) / root_mass
         diagonal.append(_inner(sim, vector, image))
         image -= diagonal[-1] * vector + beta * previous
         previous, beta = vector, np.sqrt(_inner(sim, image, image))
@@ -92,11 +92,11 @@ def _inner(sim, a, b):
     return float(exact_sum(sim.comm, (a * b).sum(axis=1))[0])
 
 
-def _apply_stiffness(sim, displacement):
+def apply_stiffness(sim, displacement):
     """Elastic force (owned, d) that a small displacement calls forth, by the production kernels."""
     p = sim.particles
     size = maximum(sim.comm, float(np.abs(displacement).max(initial=0.0)))
-    dt = 1e-7 * sim.spacing / size  # small enough to be linear
+    dt = 1e-12 * sim.spacing / size  # small enough to be linear
     p.velocity[: p.owned] = displacement
     sim.halo.update(p, "velocity")
     for block in sim.bonds.blocks:

@@ -112,7 +112,9 @@ class CorrespondenceInput(SceneModel):
     """A correspondence scheme with its options."""
 
     scheme: SchemeName = key("name of the scheme")
-    self_point: Flag | None = key("count a point in its own horizon (sub_horizon_published, default true)", default=None)
+    self_point: Flag | None = key(
+        "count a point in its own horizon (sub_horizon_published, default true)", default=None
+    )
     average_ends: Flag | None = key(
         "give both ends of a bond the mean of their gradients (sub_horizon_published, default true)", default=None
     )
@@ -120,7 +122,8 @@ class CorrespondenceInput(SceneModel):
     @model_validator(mode="after")
     def _has_the_options(self):
         if self.options() and self.scheme != "sub_horizon_published":
-            raise ValueError(f"'{self.scheme}' has no option {', '.join(self.options())}: only sub_horizon_published has")
+            given = ", ".join(self.options())
+            raise ValueError(f"'{self.scheme}' has no option {given}; leave it out, or choose sub_horizon_published")
         return self
 
     def options(self) -> dict[str, bool]:
