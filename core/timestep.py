@@ -96,7 +96,7 @@ def apply_stiffness(sim, displacement):
     """Elastic force (owned, d) that a small displacement calls forth, by the production kernels."""
     p = sim.particles
     size = maximum(sim.comm, float(np.abs(displacement).max(initial=0.0)))
-    dt = 1e-12 * sim.spacing / size  # small enough to be linear
+    dt = 1e-15 * sim.spacing / size  # small enough to be linear
     p.velocity[: p.owned] = displacement
     sim.halo.update(p, "velocity")
     for block in sim.bonds.blocks:

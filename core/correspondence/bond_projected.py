@@ -21,7 +21,7 @@ import numpy as np
 
 from periporo.core import algebra as la
 from periporo.core.correspondence import kinematics
-from periporo.core.correspondence.influence import influence_table
+from periporo.core.correspondence.influence import influence_table, support
 from periporo.core.correspondence.moments import close_points, sum_moments
 from periporo.core.correspondence.springs import add_spring
 from periporo.core.jit import inlined, kernel
@@ -46,7 +46,7 @@ class BondProjected:
 
     def __init__(self, horizon: float, influence_name: str):
         """`horizon` m; `influence_name` one of `influence.NAMES`."""
-        self.horizon = horizon
+        self.horizon = support(influence_name, horizon)
         self.table = influence_table(influence_name)
 
     def deform(self, particles, bonds, halo, dt: float, material_dt: float) -> None:

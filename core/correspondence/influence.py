@@ -55,6 +55,14 @@ def _hermite_pieces(function, slope, pieces):
     return table
 
 
+CLOSED = 1.0 + 1e-9  # rounding must not decide whether a lattice point at the horizon belongs
+
+
+def support(name: str, horizon: float) -> float:
+    """Distance (m) below which the function `name` counts: one that does not vanish at the horizon includes it."""
+    return horizon * CLOSED if name == "constant" else horizon
+
+
 @inlined
 def influence(u, table):
     """w at u = 1 - r/horizon in (0, 1]."""

@@ -19,14 +19,13 @@ import numpy as np
 
 from periporo.core import algebra as la
 from periporo.core.correspondence import kinematics
-from periporo.core.correspondence.influence import influence_table
+from periporo.core.correspondence.influence import CLOSED, influence_table, support
 from periporo.core.correspondence.moments import close_points, integrity_of, inverse_and_regularity, sum_moments
 from periporo.core.correspondence.springs import add_spring
 from periporo.core.jit import kernel
 from periporo.core.pair_exchange import PairExchange
 from periporo.core.rows import DirectedRows
 
-_CLOSED = 1.0 + 1e-9  # a lattice point at the horizon belongs to the neighbourhood
 _LEAST_SHARE = 0.1  # of a point's bonds: with less the point itself fades out
 
 
@@ -38,7 +37,8 @@ class SubHorizon:
 
     def __init__(self, horizon: float, influence_name: str):
         """`horizon` m; `influence_name` one of `influence.NAMES`."""
-        self.horizon = horizon * _CLOSED
+        self.horizon = support(influence_name, horizon)
+        self.sub_horizon = horizon * CLOSED
         self.table = influence_table(influence_name)
         self._pair_exchange: PairExchange | None = None
 
@@ -72,7 +72,7 @@ class SubHorizon:
         volume = np.empty(len(block.pair))
         _sum_sub_families(
             block.start, block.pair, block.second, pairs.weight, p.position, p.velocity, p.volume, p.share,
-            self.horizon, block.shape_inverse, block.gradient, block.integrity, volume, p.dim,
+            self.sub_horizon, block.shape_inverse, block.gradient, block.integrity, volume, p.dim,
         )  # fmt: skip
         self._share_volume(p, pairs, block, volume)
 
@@ -96,7 +96,7 @@ class SubHorizon:
 
     def _fill_force_states(self, p, pairs, block, states):
         _distribute_stress(
-            block.start, block.pair, block.side, block.second, block.active, pairs.weight, p.position, self.horizon,
+            block.start, block.pair, block.side, block.second, block.active, pairs.weight, p.position, self.sub_horizon,
             block.fraction, block.total_stress, block.shape_inverse, states, p.dim,
         )  # fmt: skip
 

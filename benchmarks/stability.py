@@ -1,0 +1,241 @@
+"""Spectra of the correspondence schemes: are they stable, and what costs no energy?
+
+    python benchmarks/stability.py [--quick] [--folder docs/figures]
+
+For a free elastic block the linear operator of each scheme is assembled by probing the program's own kernels with
+unit displacements, over influence function, horizon m, jitter and dimension. Of its eigenvalues omega^2 the table
+says: asymmetry, most negative and most complex one, growth rate over the highest frequency, motions without energy,
+lowest frequency of a motion that is not rigid, and the largest stable time step against the one the program takes.
+Writes stability.csv, stability.md and the plots stability_growth.png, stability_modes.png, stability_runs.png.
+"""
+
+import argparse
+import csv
+import itertools
+import time
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+
+from periporo.core.correspondence.bond_projected import BondProjected
+from periporo.core.correspondence.standard import Standard
+from periporo.core.correspondence.sub_horizon import SubHorizon
+from periporo.core.correspondence.sub_horizon_published import SubHorizonPublished
+from periporo.core.particles import Particles
+from periporo.core.simulation import Simulation
+from periporo.core.timestep import StableTimeStep, apply_stiffness
+from periporo.materials.elastic import Elastic
+
+BULK, SHEAR, DENSITY, SPACING = 25e6, 15e6, 1760.0, 0.005
+WAVE_SPEED = np.sqrt((BULK + 4.0 / 3.0 * SHEAR) / DENSITY)
+ZERO = 1e-9  # eigenvalues below this part of the largest are motions without energy
+ROUNDING = 1e-13  # and below this they are rounding
+
+SCHEMES = {
+    "bond_projected": BondProjected,
+    "sub_horizon": SubHorizon,
+    "standard": Standard,
+    "published": SubHorizonPublished,
+    "published, own ends": lambda h, name: SubHorizonPublished(h, name, average_ends=False),
+    "published, no self": lambda h, name: SubHorizonPublished(h, name, self_point=False),
+}
+COLUMNS = (
+    "scheme", "dimension", "influence", "m", "jitter", "asymmetry", "most_negative", "most_complex", "growth",
+    "zero_modes", "lowest", "stable_step", "chosen_step",
+)  # fmt: skip
+
+
+def block(counts, scheme, influence, m, jitter, safety=1.0, seed=3) -> Simulation:
+    """A free elastic block of `counts` points, moved off their grid by up to `jitter` spacings, in its first step."""
+    axes = np.meshgrid(*((np.arange(n) + 0.5) * SPACING for n in counts), indexing="ij")
+    position = np.stack([a.ravel() for a in axes], axis=1)
+    position += jitter * SPACING * np.random.default_rng(seed).uniform(-1, 1, position.shape)
+    n, d = position.shape
+    particles = Particles(d)
+    sim = Simulation(
+        MPI.COMM_SELF, particles, [Elastic(density=DENSITY, bulk_modulus=BULK, shear_modulus=SHEAR)],
+        SCHEMES[scheme](m * SPACING, influence), spacing=SPACING, skin=0.3 * SPACING,
+        time_step=StableTimeStep(safety, None, 10),
+    )  # fmt: skip
+    owned = {f.name: np.zeros(n if f.columns is None else (n, f.columns), f.dtype) for f in particles.migrating()}
+    owned |= {"id": np.arange(n), "position": position, "volume": np.full(n, SPACING**d), "jacobian": np.ones(n)}
+    owned["mass"] = DENSITY * owned["volume"]
+    owned["initial_position"] = owned["reference_position"] = position.copy()
+    particles.replace(owned, 0)
+    sim.start()
+    return sim
+
+
+def operator(sim) -> np.ndarray:
+    """Stiffness over mass (n d, n d), 1/s^2, one production step for each unit displacement."""
+    p = sim.particles
+    size = p.owned * p.dimension
+    matrix = np.empty((size, size))
+    for k in range(size):
+        displacement = np.zeros((p.owned, p.dimension))
+        displacement.flat[k] = 1.0
+        matrix[:, k] = (apply_stiffness(sim, displacement) / p.mass[:, None]).ravel()
+    return matrix
+
+
+def eigenvalues(matrix) -> np.ndarray:
+    """Eigenvalues, by the solver for symmetric matrices if the matrix is symmetric to rounding."""
+    if asymmetry(matrix) < 1e-12:
+        return np.linalg.eigvalsh(0.5 * (matrix + matrix.T)).astype(complex)
+    return np.linalg.eigvals(matrix)
+
+
+def asymmetry(matrix) -> float:
+    """Largest difference to the transpose over the largest entry."""
+    return float(np.abs(matrix - matrix.T).max() / np.abs(matrix).max())
+
+
+def figures(sim, matrix) -> dict[str, float]:
+    """What the spectrum of `matrix` says; eigenvalues in units of the largest."""
+    values = eigenvalues(matrix)
+    largest = np.abs(values).max()
+    ratio = values / largest
+    ratio[np.abs(ratio) < ROUNDING] = 0.0
+    rigid = 3 if sim.particles.dimension == 2 else 6
+    unit = SPACING / WAVE_SPEED
+    return {
+        "asymmetry": asymmetry(matrix),
+        "most_negative": float(ratio.real.min()),
+        "most_complex": float(np.abs(ratio.imag).max()),
+        "growth": float(np.abs(np.sqrt(ratio).imag).max()),
+        "zero_modes": int((np.abs(ratio) < ZERO).sum()),
+        "lowest": float(np.sqrt(np.sort(np.abs(ratio))[rigid])),
+        "stable_step": float(2.0 / np.sqrt(largest) / unit),
+        "chosen_step": float(sim.time_step.choose(sim) / unit),
+    }
+
+
+def cases(quick):
+    """(scheme, counts, influence, m, jitter) of every spectrum."""
+    if quick:
+        yield from itertools.product(SCHEMES, [(9, 6)], ("cubic", "constant"), (2.0, 2.2, 3.0), (0.0, 0.2))
+        yield from itertools.product(SCHEMES, [(4, 4, 3)], ("cubic",), (2.2,), (0.0, 0.2))
+        return
+    every = ("cubic", "conical", "gaussian", "constant")
+    yield from itertools.product(SCHEMES, [(14, 9)], every, (2.0, 2.2, 3.0), (0.0, 0.2))
+    yield from itertools.product(SCHEMES, [(6, 5, 5)], ("cubic", "constant"), (2.0, 2.2, 3.0), (0.0, 0.2))
+
+
+def free_flight(scheme, counts, influence, m, jitter, steps):
+    """Kinetic energy over its start, every tenth step, of a block with tiny random velocities; ends when it is 1e6."""
+    sim = block(counts, scheme, influence, m, jitter, safety=0.8)
+    p = sim.particles
+    p.velocity[:] = 1e-6 * WAVE_SPEED * np.random.default_rng(1).uniform(-1, 1, p.velocity.shape)
+    start = sim.ledger.kinetic()
+    energies = []
+    for step in range(steps):
+        sim.step()
+        if step % 10 == 9:
+            energies.append(sim.ledger.kinetic() / start)
+            if not energies[-1] < 1e6:
+                break
+    return 10 * np.arange(1, len(energies) + 1), np.array(energies)
+
+
+def write_tables(rows, folder):
+    """All rows as CSV, and the worst of each scheme as a table in Markdown."""
+    with open(folder / "stability.csv", "w", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+        writer.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
+    lines = [
+        "| scheme | d | asymmetry | most negative | most complex | growth / ω_max | motions without energy | "
+        "lowest ω / ω_max | stable Δt c_p/Δ | chosen / stable |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for scheme, d in itertools.product(SCHEMES, (2, 3)):
+        own = [r for r in rows if r["scheme"] == scheme and r["dimension"] == d]
+        if not own:
+            continue
+        zero = [r["zero_modes"] for r in own]
+        ratio = [r["chosen_step"] / r["stable_step"] for r in own]
+        step = [r["stable_step"] for r in own]
+        lines.append(
+            f"| {scheme} | {d} | {max(r['asymmetry'] for r in own):.1e} | {min(r['most_negative'] for r in own):.1e} | "
+            f"{max(r['most_complex'] for r in own):.1e} | {max(r['growth'] for r in own):.1e} | "
+            f"{min(zero)}-{max(zero)} | {min(r['lowest'] for r in own):.1e} | {min(step):.2f}-{max(step):.2f} | "
+            f"{min(ratio):.3f}-{max(ratio):.3f} |"
+        )
+    (folder / "stability.md").write_text("\n".join(lines) + "\n")
+    print("\n".join(lines))
+
+
+def plot_growth(plt, rows, path):
+    """Growth rate of every case, one column of points for each scheme."""
+    figure, axes = plt.subplots(figsize=(8, 4.2), layout="constrained")
+    marks = {(2, 0.0): ("o", "2D, grid"), (2, 0.2): ("s", "2D, jitter 0.2"), (3, 0.0): ("^", "3D, grid"),
+             (3, 0.2): ("v", "3D, jitter 0.2")}  # fmt: skip
+    for (d, jitter), (mark, label) in marks.items():
+        own = [r for r in rows if (r["dimension"], r["jitter"]) == (d, jitter)]
+        place = [list(SCHEMES).index(r["scheme"]) + 0.12 * (2 * (d - 2) + (jitter > 0)) - 0.18 for r in own]
+        axes.plot(place, [max(r["growth"], 1e-12) for r in own], mark, ms=4, mfc="none", label=label)
+    axes.set_yscale("log")
+    axes.set_xticks(range(len(SCHEMES)), SCHEMES)
+    axes.set_ylabel("growth rate / highest frequency (1e-12: none)")
+    axes.legend(ncols=2)
+    figure.savefig(path, dpi=130)
+
+
+def plot_modes(plt, spectra, path):
+    """Frequencies in ascending order: motions without energy lie at the left edge."""
+    figure, axes = plt.subplots(figsize=(8, 4.2), layout="constrained")
+    for scheme, values in spectra.items():
+        frequency = np.sqrt(np.sort(np.maximum(np.abs(values), 1e-16 * np.abs(values).max())))
+        axes.semilogy(np.linspace(0, 1, len(frequency)), frequency * SPACING / WAVE_SPEED, label=scheme)
+    axes.set(xlabel="share of all motions", ylabel="frequency × Δ / c_p", ylim=(1e-4, 4))
+    axes.set_title("cubic, m = 2.2, 2D grid")
+    axes.legend()
+    figure.savefig(path, dpi=130)
+
+
+def plot_runs(plt, runs, path):
+    """Kinetic energy of the free block."""
+    figure, axes = plt.subplots(figsize=(8, 4.2), layout="constrained")
+    for label, (step, energy) in runs.items():
+        axes.semilogy(step, energy, label=label)
+    axes.set(xlabel="time step", ylabel="kinetic energy / start", ylim=(1e-3, 1e6))
+    axes.legend()
+    figure.savefig(path, dpi=130)
+
+
+def main():
+    """Spectra, table and plots."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="small blocks, few cases: a minute")
+    parser.add_argument("--folder", type=Path, default=Path(__file__).parent.parent / "docs" / "figures")
+    arguments = parser.parse_args()
+    arguments.folder.mkdir(parents=True, exist_ok=True)
+    began, rows, spectra = time.perf_counter(), [], {}
+    for scheme, counts, influence, m, jitter in cases(arguments.quick):
+        sim = block(counts, scheme, influence, m, jitter)
+        matrix = operator(sim)
+        case = {"scheme": scheme, "dimension": len(counts), "influence": influence, "m": m, "jitter": jitter}
+        rows.append(case | figures(sim, matrix))
+        if (len(counts), influence, m, jitter) == (2, "cubic", 2.2, 0.0):
+            spectra[scheme] = eigenvalues(matrix)
+    write_tables(rows, arguments.folder)
+    steps = 2000 if arguments.quick else 20_000
+    runs = {s: free_flight(s, (14, 9), "cubic", 2.2, 0.0, steps) for s in ("bond_projected", "sub_horizon", "standard")}
+    for m, influence in ((2.2, "cubic"), (3.0, "cubic"), (2.0, "constant"), (3.0, "constant")):
+        runs[f"published, {influence}, m = {m}"] = free_flight("published", (14, 9), influence, m, 0.0, steps)
+    for label, (step, energy) in runs.items():
+        print(f"free block, {label}: {step[-1]} steps, kinetic energy x {energy[-1]:.3g}, largest x {energy.max():.3g}")
+    plot_growth(plt, rows, arguments.folder / "stability_growth.png")
+    plot_modes(plt, spectra, arguments.folder / "stability_modes.png")
+    plot_runs(plt, runs, arguments.folder / "stability_runs.png")
+    print(f"{len(rows)} spectra in {time.perf_counter() - began:.0f} s, written to {arguments.folder}")
+
+
+if __name__ == "__main__":
+    main()
