@@ -12,7 +12,7 @@ from periporo.core.geostatic import GeostaticStress, uniform_stress
 from periporo.core.particles import Particles
 from periporo.core.pore_water import PoreWater, retention_curve
 from periporo.core.scene_boundaries import build_boundary
-from periporo.core.scene_contacts import bonding_groups, build_contact
+from periporo.core.scene_contacts import bonding_groups, build_contact, build_repulsion
 from periporo.core.simulation import Simulation
 from periporo.core.stages import DynamicsStage, RelaxStage
 from periporo.core.timestep import StableTimeStep
@@ -50,11 +50,15 @@ def build(scene, comm) -> Simulation:
     for stage in scene.stages:
         if stage.type == "dynamics" and stage.damping.viscous > 0.0:
             sim.forces.need("damping")
+    repulsion = build_repulsion(sim)
+    repulsion.attach(particles, sim.forces)
     lattices = geometry.build_lattices(scene)
     _place_points(scene, comm, particles, materials, water, lattices)
     if scene.initial_stress is not None:
         sim.bonds.initial_stress = _initial_stress(scene, materials, water, lattices)
     sim.stages = [_stage(scene, sim, stage, contacts, lattices) for stage in scene.stages]
+    for stage in sim.stages:
+        stage.contacts.append(repulsion)
     if sim.stages:
         sim.contacts, sim.loads = sim.stages[0].contacts, sim.stages[0].loads
     return sim

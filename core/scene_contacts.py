@@ -6,8 +6,10 @@ import numpy as np
 
 from periporo.contact import surfaces
 from periporo.contact.bodies import BodiesContact
+from periporo.contact.repulsion import Repulsion
 from periporo.contact.rigid import RigidContact
 from periporo.contact.short_range_published import ShortRangePublished
+from periporo.core.correspondence.influence import influence
 from periporo.io.input_errors import InputError, Problem
 
 
@@ -33,6 +35,15 @@ def build_contact(scene, model, number: int, sim):
         return BodiesContact(str(number), names.index(model.first), names.index(model.second), sim=sim, **law)
     velocity = None if model.velocity is None else scene.vector(model.velocity)
     return RigidContact(str(number), _surface(model), spacing=spacing, skin=sim.skin, velocity=velocity, **law)
+
+
+def build_repulsion(sim) -> Repulsion:
+    """The soft repulsion that keeps points from clumping in a flow: below .3 spacings, .01 of the P-wave modulus."""
+    distance = 0.3 * sim.spacing
+    modulus = max(_p_wave_modulus(m) for m in sim.materials)
+    closest = influence(1.0 - distance / sim.scheme.horizon, sim.scheme.table)
+    stiffness = 0.01 * modulus * sim.spacing ** (sim.particles.dimension - 2)
+    return Repulsion(sim.bonds.pairs, distance=distance, stiffness=stiffness, closest=closest)
 
 
 def _surface(model) -> surfaces.Surface:

@@ -3,7 +3,8 @@
 The highest frequency of the whole scene comes from a few Lanczos iterations of the scheme's own elastic
 operator: that is exact but costs some steps. In between it is followed by a local estimate for every point,
 its bonds taken as springs, omega_i^2 = lambda_max(sum_b 2 c_b/|xi|^2 [mu I + (K + mu/3) n n]) / m_i, which tells
-at once when points come close or stiffen; its ratio to the exact value is measured again when it has changed.
+at once when points come close or stiffen. Its ratio to the exact value is measured again when it has changed,
+and every few hundred steps, since a point in a nearly degenerate neighbourhood is stiffer than its springs.
 """
 
 import numpy as np
@@ -13,8 +14,9 @@ from periporo.core.jit import kernel
 from periporo.core.reductions import exact_sum, maximum
 from periporo.io.geometry import uniform
 
-_LANCZOS_STEPS = 20
+_LANCZOS_STEPS = 12
 _DRIFT = 0.1  # relative change of the local estimate after which the ratio is measured again
+_LONGEST = 200  # steps after which it is measured again in any case
 
 
 class StableTimeStep:
@@ -26,6 +28,7 @@ class StableTimeStep:
         self.interval = interval
         self.ratio = 1.0  # exact over local frequency
         self._calibrated_at = 0.0
+        self._calibrated_in = 0  # step
 
     def due(self, step: int) -> bool:
         """Whether the step is to be chosen anew."""
@@ -36,10 +39,11 @@ class StableTimeStep:
         if self.fixed is not None:
             return self.fixed
         local = local_frequency(sim, sim.contacts)
-        if not abs(local - self._calibrated_at) <= _DRIFT * self._calibrated_at:
+        drifted = not abs(local - self._calibrated_at) <= _DRIFT * self._calibrated_at
+        if drifted or sim.step_number >= self._calibrated_in + _LONGEST:
             exact, alone = highest_frequency(sim), local_frequency(sim, ())
             self.ratio = exact / alone if alone > 0.0 else 1.0
-            self._calibrated_at = local
+            self._calibrated_at, self._calibrated_in = local, sim.step_number
         if local == 0.0:
             raise ValueError("time_step: no point has a bond or a contact, so nothing limits it; set 'fixed'")
         return self.safety * 2.0 / (self.ratio * local)

@@ -6,7 +6,7 @@ from periporo.core import algebra as la
 from periporo.core.correspondence.influence import influence
 from periporo.core.jit import inlined, kernel
 
-DEGENERATE, REGULAR = 1e-3, 1e-2  # of det K / (tr K / d)^d
+DEGENERATE, REGULAR = 1e-2, 1e-1  # of det K / (tr K / d)^d
 _DECADE = np.log(REGULAR / DEGENERATE)
 
 

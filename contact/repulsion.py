@@ -1,0 +1,57 @@
+"""Soft repulsion of points that come too close.
+
+Shear along a row of points makes neighbours drift together: nothing in the bond's stress, which is at its yield
+limit, holds them apart. Close pairs add nothing but stiffness, and so cost time step. A conservative spring that
+acts below a fraction of the spacing keeps them apart; it is soft compared with the material, but not compared
+with the stress of a flow.
+"""
+
+import numpy as np
+
+from periporo.core import algebra as la
+from periporo.core.energy import ForceChannels
+from periporo.core.jit import kernel
+from periporo.core.particles import Particles
+
+
+class Repulsion:
+    """Spring of `stiffness` N/m between points closer than `distance` m; its energy counts as contact.
+
+    `closest` is the influence at that distance: pairs of a smaller weight are further apart and cost nothing.
+    """
+
+    def __init__(self, pairs, *, distance: float, stiffness: float, closest: float):
+        self.pairs = pairs
+        self.distance = distance
+        self.stiffness = stiffness
+        self.closest = closest
+
+    def attach(self, p: Particles, forces: ForceChannels) -> None:
+        """Declare the force channel."""
+        forces.need("contact")
+
+    def add_force(self, p: Particles, time: float, dt: float) -> None:
+        """Add the repulsion of all pairs."""
+        _repel(
+            self.pairs.first, self.pairs.second, self.pairs.weight, self.closest, p.position, self.distance,
+            self.stiffness, p.contact_force, p.dim,
+        )  # fmt: skip
+
+    def add_stiffness(self, p: Particles, time: float, stiffness) -> None:
+        """Nothing: the spring is too soft to matter for the time step."""
+
+
+@kernel
+def _repel(first, second, weight, closest, position, distance, stiffness, force, dim):
+    for b in range(first.shape[0]):
+        if weight[b] < closest:
+            continue
+        i, j = first[b], second[b]
+        xi = la.difference(position, i, j, dim)
+        r = np.sqrt(la.dot(xi, xi))
+        if not r < distance:
+            continue
+        pull = stiffness * (distance - r) / max(r, 1e-3 * distance)
+        for a in range(len(dim)):
+            force[i, a] -= pull * xi[a]
+            force[j, a] += pull * xi[a]
