@@ -10,6 +10,9 @@ import numpy as np
 
 from periporo.materials.arena.compiled import inlined
 
+STRESS_FLOOR = 1000.0
+"""Accuracy is relative to the stress plus this, Pa (or plus p0 if that is less)."""
+
 
 class Elasticity(NamedTuple):
     """Constants of the elastic law; see `ArenaParameters` for their meaning."""

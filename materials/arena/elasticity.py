@@ -19,26 +19,32 @@ _INVERSE_GRAIN = 1.0 / (GRAIN_BULK_MODULUS - GRAIN_SLOPE * GRAIN_REFERENCE)
 
 
 @inlined
-def drained(m, p):
-    """Unscaled drained K, G and grain modulus K_s, Pa, at mean effective pressure `p` (compression > 0)."""
-    if p > 0.0:
-        # eqs 86, 88, 89 with b2 y + b3 = b1 b3 K_s / d and K_s - n_s p = constant inserted
-        grain = GRAIN_BULK_MODULUS + GRAIN_SLOPE * (p - GRAIN_REFERENCE)
-        d = m.b1 * grain - m.b2 * p
-        y = m.b3 * p / d  # elastic strain to the power b4
-        bulk = (m.b0 * grain * grain + m.curve * y**m.exponent * d * d) * _INVERSE_GRAIN
-    else:
-        grain = GRAIN_BULK_MODULUS
-        bulk = m.b0 * grain
-        if not m.poisson_in_tension:
-            return bulk, m.constant_shear, grain
+def drained_bulk(m, p):
+    """Unscaled drained K, dK/dp, and grain modulus K_s, Pa, at mean effective pressure `p` > 0 in compression."""
+    if p <= 0.0:
+        return m.b0 * GRAIN_BULK_MODULUS, 0.0, GRAIN_BULK_MODULUS
+    # eqs 86, 88, 89 with b2 y + b3 = b1 b3 K_s / d and K_s - n_s p = constant inserted
+    grain = GRAIN_BULK_MODULUS + GRAIN_SLOPE * (p - GRAIN_REFERENCE)
+    d = m.b1 * grain - m.b2 * p
+    y = m.b3 * p / d  # elastic strain to the power b4
+    curve = m.curve * y**m.exponent * d
+    d_slope = m.b1 * GRAIN_SLOPE - m.b2
+    bulk = (m.b0 * grain * grain + curve * d) * _INVERSE_GRAIN
+    slope = 2.0 * m.b0 * grain * GRAIN_SLOPE + curve * (m.exponent * d / p + (2.0 - m.exponent) * d_slope)
+    return bulk, slope * _INVERSE_GRAIN, grain
+
+
+@inlined
+def drained_shear(m, p, bulk, grain):
+    """Unscaled shear modulus, Pa, that belongs to the unscaled drained `bulk` at `p`."""
+    if p <= 0.0 and not m.poisson_in_tension:
+        return m.constant_shear
     poisson = m.nu1
     if m.nu2 != 0.0:
         poisson += m.nu2 * math.exp(-bulk / grain)
-    shear = m.constant_shear
-    if poisson > 0.0:
-        shear = 1.5 * bulk * (1.0 - 2.0 * poisson) / (1.0 + poisson)
-    return bulk, shear, grain
+    if poisson <= 0.0:
+        return m.constant_shear
+    return 1.5 * bulk * (1.0 - 2.0 * poisson) / (1.0 + poisson)
 
 
 @inlined
@@ -68,26 +74,34 @@ def pore_fluid(c, p, evp):
 
 
 @inlined
-def moduli(m, c, fluid, i1, p, evp, compressing):
-    """Tangent bulk and shear modulus, Pa, at effective I1, pore pressure `p` and plastic strain `evp`.
-
-    `fluid` is the result of `pore_fluid` at the same pressure and strain.
-    """
-    bulk, shear, grain = drained(m, -i1 / 3.0)
+def scaled_moduli(m, c, fluid, p, bulk, grain, evp, stiffened):
+    """Bulk and shear modulus, Pa, from the unscaled drained `bulk`: density, pore fluid, disaggregation."""
+    shear = drained_shear(m, p, bulk, grain)
     if not m.scale_total:
         bulk *= m.density_factor
-        shear *= m.density_factor
-    if fluid_stiffens(m, c, i1, p, compressing):
+    if stiffened:
         biot = 1.0 - bulk / grain
         bulk += biot * biot / (biot / grain + fluid[0] * (fluid[1] - 1.0 / grain))
     if m.scale_total:
         bulk *= m.density_factor
-        shear *= m.density_factor
+    shear *= m.density_factor
     if m.disaggregation:
         loosening = max(math.exp(evp - c.p3), 1e-5)
         bulk *= loosening
         shear *= loosening
     return bulk, shear
+
+
+@inlined
+def moduli(m, c, fluid, i1, p, evp, compressing):
+    """Tangent bulk and shear modulus, Pa, at effective I1, pore pressure `p` and plastic strain `evp`.
+
+    `fluid` is the result of `pore_fluid` at the same pressure and strain.
+    """
+    mean = -i1 / 3.0
+    bulk, _, grain = drained_bulk(m, mean)
+    stiffened = fluid_stiffens(m, c, i1, p, compressing)
+    return scaled_moduli(m, c, fluid, mean, bulk, grain, evp, stiffened)
 
 
 @kernel

@@ -43,26 +43,34 @@ def _error(low, high, scale):
 
 @inlined
 def _two_stages(c, y_stage, y, bulk, shear, state, tr, e1, e2, guess):
-    """Second-order plastic step with frozen moduli; `guess` is the plastic volume of the whole step."""
+    """Second-order plastic step with frozen moduli; `guess` is the plastic volume of the whole step.
+
+    One return over the share gamma, extrapolation to 1 - gamma, and one more return over the share gamma.
+    Where the pores leave no room for the extrapolation the second return takes the whole step.
+    """
     share = _GAMMA
     one = backward_euler(
         c, y_stage, bulk, shear, state, share * tr, share * e1, share * e2, share * guess, _STAGE_TOLERANCE
     )
     g = _EXTRAPOLATION
-    evp = one[3] + g * (one[3] - state[3])
-    if evp >= c.p3 - 0.5 * (c.p3 - state[3]):  # no room left in the pores for an extrapolation
-        return backward_euler(c, y, bulk, shear, state, tr, e1, e2, guess, _STAGE_TOLERANCE)
-    p, _, strength, _ = harden(c, evp, max(one[4] + g * (one[4] - state[4]), 0.0))
-    base = (
-        one[0] + g * (one[0] - state[0]),
-        one[1] + g * (one[1] - state[1]),
-        one[2] + g * (one[2] - state[2]),
-        evp,
-        p,
-        strength,
-    )
+    x = one[3] - state[3]
+    base = state
+    if (1.0 + g) * x < 0.5 * (c.p3 - state[3]):
+        guess = x
+        evp = one[3] + g * x
+        p, _, strength, _ = harden(c, evp, max(one[4] + g * (one[4] - state[4]), 0.0))
+        base = (
+            one[0] + g * (one[0] - state[0]),
+            one[1] + g * (one[1] - state[1]),
+            one[2] + g * (one[2] - state[2]),
+            evp,
+            p,
+            strength,
+        )
+    else:
+        share = 1.0
     return backward_euler(
-        c, y, bulk, shear, base, share * tr, share * e1, share * e2, one[3] - state[3], _STAGE_TOLERANCE
+        c, y, bulk, shear, base, share * tr, share * e1, share * e2, guess, _STAGE_TOLERANCE
     )
 
 
@@ -87,14 +95,14 @@ def _plastic_substep(m, c, control, strength, y, factor, growth, dt, k0, g0, sta
     bulk = 0.5 * (k0 + k1)
     shear = 0.5 * (g0 + g1)
     x = first[3] - state[3]
+    y_stage = y_end = y
     if control.damage:
         rise = dt * _yielding_share(k0, g0, state, first, tr, e1, e2)
         y_stage = weakened_surface(strength, factor, growth + _GAMMA * rise)
         y_end = weakened_surface(strength, factor, growth + rise)
-        end = _two_stages(c, y_stage, y_end, bulk, shear, state, tr, e1, e2, x)
+    end = _two_stages(c, y_stage, y_end, bulk, shear, state, tr, e1, e2, x)
+    if control.damage:
         growth += dt * _yielding_share(bulk, shear, state, end, tr, e1, e2)
-    else:
-        end = _two_stages(c, y, y, bulk, shear, state, tr, e1, e2, x)
     error = _error(first, end, control.stress_scale) / control.tolerance
     change = abs(k1 - k0) / (_MODULUS_CHANGE * max(k0, k1))
     compaction = (end[3] - state[3]) / (_COMPACTION_SHARE * (c.p3 - state[3]))

@@ -11,8 +11,14 @@ from periporo.materials.arena.constants import (
     unpack_strength,
     unpack_surface,
 )
-from periporo.materials.arena.elasticity import moduli, pore_fluid
-from periporo.materials.arena.integrate import advance, mean_moduli
+from periporo.materials.arena.elasticity import (
+    GRAIN_SLOPE,
+    drained_bulk,
+    fluid_stiffens,
+    pore_fluid,
+    scaled_moduli,
+)
+from periporo.materials.arena.integrate import advance
 from periporo.materials.arena.pores import harden
 from periporo.materials.arena.surface import holds, squared_limit, weakened_surface
 
@@ -69,19 +75,29 @@ def _store(values, row, first, components, tensor):
 
 @inlined
 def _elastic_moduli_of_step(m, c, y, control, state, tr, ss, se, ee):
-    """Moduli of a row that stays elastic over the whole increment at the tolerance, else zeros."""
+    """Moduli of a row that stays elastic over the whole increment at the tolerance, else zeros.
+
+    The moduli are those of mid-step, from the value and the slope at the start: one power a row.
+    """
     effective = state[0] + 3.0 * state[4]
+    mean = -effective / 3.0
     fluid = pore_fluid(c, state[4], state[3])
-    k0, g0 = moduli(m, c, fluid, effective, state[4], state[3], tr < 0.0)
-    if c.saturation > 0.0 and effective * (effective + 3.0 * k0 * tr) < 0.0:
-        return 0.0, 0.0
-    bulk, shear = mean_moduli(m, c, fluid, state, k0, tr)
+    stiffened = fluid_stiffens(m, c, effective, state[4], tr < 0.0)
+    start, slope, grain = drained_bulk(m, mean)
+    k0, _ = scaled_moduli(m, c, fluid, mean, start, grain, state[3], stiffened)
+    half = -0.5 * k0 * tr
+    if mean * (mean + 2.0 * half) < 0.0 or (mean == 0.0 and half > 0.0):
+        return 0.0, 0.0  # the slope at the start tells nothing about the other side
+    if mean > 0.0:
+        grain += GRAIN_SLOPE * half
+    drained = start + slope * half
+    bulk, shear = scaled_moduli(m, c, fluid, mean + half, drained, grain, state[3], stiffened)
     end = effective + 3.0 * bulk * tr
     j2 = max(0.5 * ss + 2.0 * shear * (se + shear * ee), 0.0)
     if not holds(y, end, j2, state[5]):
         return 0.0, 0.0
     change = 3.0 * (bulk - k0) * tr
-    drift = 2.0 * (shear - g0)
+    drift = 2.0 * shear * (drained - start) / drained
     size = end * end / 3.0 + 2.0 * j2 + control.stress_scale * control.stress_scale
     if change * change / 3.0 + drift * drift * ee > control.tolerance * control.tolerance * size:
         return 0.0, 0.0

@@ -7,7 +7,7 @@ import numpy as np
 
 from periporo.core import tensors
 from periporo.materials.arena import pores as pore_space
-from periporo.materials.arena.constants import Control, Elasticity, Pores, Strength, Surface, pack
+from periporo.materials.arena.constants import STRESS_FLOOR, Control, Elasticity, Pores, Strength, Surface, pack
 from periporo.materials.arena.elasticity import fill_moduli
 from periporo.materials.arena.kernel import EVP, FAILURES, PRESSURE, STRENGTH, fill_initial, fill_yield, update_rows
 from periporo.materials.arena.parameters import ArenaParameters
@@ -15,8 +15,6 @@ from periporo.materials.arena.pores import fill_pores
 from periporo.materials.arena.surface import coefficients, squared_limit, weakened_surface
 from periporo.materials.arena.variability import strength_factors
 from periporo.materials.protocol import StateField
-
-_STRESS_SCALE = 1.0  # share of p0 that the error control counts as stress
 
 
 class Arena(ArenaParameters):
@@ -118,7 +116,7 @@ class Arena(ArenaParameters):
         control = Control(
             float(self.tolerance),
             float(self.substeps),
-            _STRESS_SCALE * float(self.p0),
+            min(float(self.p0), STRESS_FLOOR),
             float(self.T1),
             float(self.T2),
             self.do_damage,

@@ -9,6 +9,7 @@ I1_eff(x) = I1_trial + 3 K x + 3 p(x), sqrt J2 = F(I1_eff; X_eff(x)), and normal
 import math
 
 from periporo.materials.arena.compiled import inlined
+from periporo.materials.arena.constants import STRESS_FLOOR
 from periporo.materials.arena.pores import harden
 from periporo.materials.arena.surface import holds, shear_limit, squared_limit, squared_limit_slopes
 
@@ -77,7 +78,7 @@ def _solve(c, y, target, bulk, shear, i1, q, evp, guess, pressure, tolerance):
         elif residual > 0.0:
             high = x
         inside = target != SURFACE or (here > strength and here < y.peak and f <= q * (1.0 + 1e-9))
-        reach = tolerance * min(length, abs(here) + f + c.p0)
+        reach = tolerance * min(length, abs(here) + f + min(c.p0, STRESS_FLOOR))
         small = abs(step) * di1 <= reach and abs(df * step) <= reach
         if inside and small and (step <= 0.0) == (residual >= 0.0):
             return x + step, max(f + df * step, 0.0), p + dp * step, strength + dstrength * step
@@ -99,17 +100,20 @@ def plastic_return(c, y, bulk, shear, i1, q, evp, pressure, strength, guess, tol
     strain before. x is NaN if the iteration failed.
     """
     effective = i1 + 3.0 * pressure
+    target = SURFACE
     if effective >= y.peak:
-        x, f, p, new_strength = _solve(c, y, VERTEX, bulk, shear, i1, q, evp, guess, pressure, tolerance)
+        target = VERTEX
+    elif effective < strength and q <= _NOSE_SHEAR * (y.peak - strength):
+        target = NOSE
+    while True:
+        x, f, p, end_strength = _solve(c, y, target, bulk, shear, i1, q, evp, guess, pressure, tolerance)
+        if target != VERTEX:
+            return x, min(f, q), p, end_strength
         limit, slope, _ = shear_limit(y, y.peak)
         limit = max(limit, 0.0)
         if x * shear - 2.0 * y.flow * slope * max(q - limit, 0.0) <= 0.0:
-            return x, min(q, limit), p, new_strength
-    if effective < strength and q <= _NOSE_SHEAR * (y.peak - strength):
-        x, f, p, new_strength = _solve(c, y, NOSE, bulk, shear, i1, q, evp, guess, pressure, tolerance)
-        return x, f, p, new_strength
-    x, f, p, new_strength = _solve(c, y, SURFACE, bulk, shear, i1, q, evp, guess, pressure, tolerance)
-    return x, min(f, q), p, new_strength
+            return x, min(q, limit), p, end_strength
+        target = SURFACE  # the trial is not in the cone of the vertex
 
 
 @inlined

@@ -2,8 +2,8 @@
 
 Nothing of the material's code is used: moduli from the printed formulas, pore pressure by bracketing its
 volume balance, derivatives of the yield function by central differences, plastic strain rate from the
-consistency condition. sigma' = C:(eps' - epsp'), epsp' = g [s/(2 sqrt J2) - BETA^2 F_,I1 I],
-evp' = -tr epsp', f = sqrt J2 - F(I1_eff, X_eff).
+consistency condition. sigma' = C:(eps' - epsp'), epsp' = g [s - BETA^2 (F^2)_,I1 I], evp' = -tr epsp',
+f = J2 - F(I1_eff, X_eff)^2 (squared, so that it is smooth at the nose of the cap).
 """
 
 import math
@@ -18,6 +18,7 @@ from periporo.materials.arena import Arena
 P = {f: d.default for f, d in Arena.model_fields.items()}
 TENSOR = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # weights of a double contraction
 UNIT = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+ABSOLUTE = np.array([1e-5] * 6 + [1e-14])  # Pa, strain: undrained, 1e-14 of strain is 1e-4 Pa
 
 
 class Reference:
@@ -59,13 +60,13 @@ class Reference:
         share = self.saturation(p)
         return -(self.p["p0"] + (1 - share + self.p["p1_sat"] * share) * crush)
 
-    def limit(self, i1, x):
+    def squared_limit(self, i1, x):
         peak, stren, y = self.p["PEAKI1"], self.p["STREN"], self.p["YSLOPE"]
         a2 = (self.p["FSLOPE"] - y) / (stren - y * peak)
         ff = stren - (stren - y * peak) * math.exp(a2 * (i1 - peak)) - y * i1
         kappa = peak - self.p["CR"] * (peak - x)
         cap = 1.0 if i1 > kappa else 1 - ((kappa - i1) / (kappa - x)) ** 2
-        return ff * math.sqrt(max(cap, 0.0))
+        return ff * ff * cap
 
     def moduli(self, i1, p, evp):
         b0, b1, b2, b3, b4 = (self.p[f"b{k}"] for k in range(5))
@@ -92,7 +93,7 @@ class Reference:
         p = self.pressure(evp)
         i1 = stress[:3].sum()
         s = stress - i1 / 3 * UNIT
-        return math.sqrt(0.5 * TENSOR @ s**2) - self.limit(i1 + 3 * p, self.strength(evp, p))
+        return 0.5 * TENSOR @ s**2 - self.squared_limit(i1 + 3 * p, self.strength(evp, p))
 
     def rates(self, stress, evp, strain_rate):
         """Elastic stress rate, plastic multiplier, and what a unit multiplier does to stress and evp."""
@@ -101,17 +102,19 @@ class Reference:
         i1 = stress[:3].sum()
         bulk, shear = self.moduli(i1 + 3 * p, p, evp)
         s = stress - i1 / 3 * UNIT
-        q = math.sqrt(0.5 * TENSOR @ s**2)
-        size = 1e-6 * (abs(x) + abs(i1 + 3 * p))
-        slope = (self.limit(i1 + 3 * p + size, x) - self.limit(i1 + 3 * p - size, x)) / (2 * size)
+        size = 1e-5 * (abs(x) + abs(i1 + 3 * p))
+        slope = self.squared_limit(i1 + 3 * p + size, x) - self.squared_limit(i1 + 3 * p - size, x)
+        slope /= 2 * size
         step = 1e-6 * (abs(evp) + 1e-4)
-        by_evp = (self.yield_function(stress, evp + step) - self.yield_function(stress, evp - step)) / (2 * step)
+        back = 0.0 if abs(evp) < step else step  # the pressure has a kink at 0
+        by_evp = self.yield_function(stress, evp + step) - self.yield_function(stress, evp - back)
+        by_evp /= step + back
 
         def stiffness(e):
             return bulk * e[:3].sum() * UNIT + 2 * shear * (e - e[:3].sum() / 3 * UNIT)
 
-        normal = s / (2 * q) - slope * UNIT
-        flow = s / (2 * q) - self.p["BETA"] ** 2 * slope * UNIT
+        normal = s - slope * UNIT
+        flow = s - self.p["BETA"] ** 2 * slope * UNIT
         elastic = stiffness(strain_rate)
         back = stiffness(flow)
         growth = -flow[:3].sum()
@@ -121,7 +124,7 @@ class Reference:
     def follow(self, stress, evp, increment):
         """Stress and evp after a straight strain increment; elastic and plastic parts alternate."""
         time, y = 0.0, np.append(stress, evp)
-        plastic = self.yield_function(y[:6], y[6]) > -1e-7 * (1e3 + np.abs(y[:6]).max())
+        plastic = self.yield_function(y[:6], y[6]) > -1e-7 * (1e3 + np.abs(y[:6]).max()) ** 2
         plastic = plastic and self.rates(y[:6], y[6], increment)[1] > 0
 
         def right(t, y):
@@ -138,7 +141,7 @@ class Reference:
         leaves.terminal = True
         while time < 1.0:
             leaves.direction = -1 if plastic else 1
-            result = solve_ivp(right, (time, 1.0), y, "LSODA", rtol=1e-9, atol=1e-10 * 1e3, events=leaves)
+            result = solve_ivp(right, (time, 1.0), y, "LSODA", rtol=1e-9, atol=ABSOLUTE, events=leaves)
             time, y = result.t[-1], result.y[:, -1]
             plastic = not plastic
         return y[:6], y[6]

@@ -1,0 +1,425 @@
+"""The parts of Arena one by one: closed forms, limits, options, rules and failures."""
+
+import math
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from scipy.integrate import solve_ivp
+
+from periporo.core import tensors
+from periporo.materials.arena import Arena
+from periporo.materials.arena.variability import strength_factors
+
+QUASISTATIC = {"T1": 0.0, "T2": 0.0}
+ISOTROPIC = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]) / 3.0
+
+
+def start(material, rows=1, components=6):
+    stress = np.zeros((rows, components))
+    ids = np.repeat(np.arange(rows)[:, None], 2, axis=1)
+    return stress, material.initial_state(stress, ids, np.full(rows, 1e-3))
+
+
+def strained(material, *increments, steps=1, dt=1.0):
+    """Stress and state of one row after volumetric (a number) or full increments."""
+    stress, state = start(material)
+    for increment in increments:
+        full = increment * ISOTROPIC if np.isscalar(increment) else np.asarray(increment, float)
+        for _ in range(steps):
+            material.compute_stress(stress, full[None] / steps, state, dt / steps)
+    return stress, state
+
+
+def random_strains(rows, size, seed=1):
+    return np.random.default_rng(seed).normal(size=(rows, 6)) * size
+
+
+@pytest.mark.parametrize("saturation", [0.0, 0.3, 0.9, 0.999, 1.0])
+@pytest.mark.parametrize("pressure", [0.0, 3e5])
+@pytest.mark.parametrize("water", ["logarithmic", "secant"])
+def test_pore_volume_balance(saturation, pressure, water):
+    """Air and water fill the pores that compaction leaves, whatever the path to it."""
+    material = Arena(
+        **QUASISTATIC, initial_saturation=saturation, initial_fluid_pressure=pressure, water_strain=water
+    )
+    stress, state = strained(material, -0.05, 0.002, [-0.05, 0, 0.01, 0.02, 0, 0])
+    evp, p = state[0, :2]
+    stiffness = 2.21e9 + 6.029 * (p - 1e-4)
+    start_stiffness = 2.21e9 + 6.029 * (pressure - 1e-4)
+    liquid = (stiffness / start_stiffness) ** (-1 / 6.029)
+    if water == "secant":
+        liquid = math.exp(-(p - pressure) / stiffness)
+    air = ((p + 101325) / (pressure + 101325)) ** (-1 / 1.4)
+    fluid = 0.4 * ((1 - saturation) * air + saturation * liquid)
+    assert fluid == pytest.approx(math.exp(-evp) - 0.6, rel=1e-9)
+    derived = material.derived_state(stress, state)
+    assert derived["porosity"][0] == pytest.approx(1 - 0.6 * math.exp(evp), rel=1e-12)
+    assert derived["saturation"][0] == pytest.approx(saturation * liquid * 0.4 / fluid, rel=1e-9)
+
+
+@pytest.mark.parametrize("p1_sat", [1.0, 0.4])
+def test_crush_curve(p1_sat):
+    """X_eff follows the printed crush curve at the plastic strain reached, scaled by density and water."""
+    material = Arena(**QUASISTATIC, initial_saturation=0.6, p1_sat=p1_sat)
+    stress, state = strained(material, -0.1)
+    evp, p, x = state[0, :3]
+    factor = math.exp(-0.4 / 0.6 + 0.42 / 0.58)
+    p1 = 482.68e6 * math.exp(5 * factor * (factor - 1))
+    assert (factor, p1) == pytest.approx((1.05915, 660.25e6), rel=1e-5)
+    crush = p1 * ((1 - 0.6) / (1 - 0.6 * math.exp(evp)) - 1) ** (1 / 0.719)
+    water = material.derived_state(stress, state)["saturation"][0]
+    assert -(x + 3 * p) == pytest.approx(1e3 + (1 - water + p1_sat * water) * crush, rel=1e-9)
+    assert tensors.mean(stress)[0] * 3 == pytest.approx(x, rel=1e-9)  # isotropic: at the nose of the cap
+
+
+def test_tension_stops_at_the_vertex():
+    """Dry: elastic with b0 K_s0 K_fac to I1 = PEAKI1, then all further strain is plastic."""
+    material = Arena(**QUASISTATIC, initial_saturation=0.0)
+    bulk = 0.0029 * 40e9 * material.density_factor
+    stress, _ = strained(material, 1e-6)
+    assert tensors.mean(stress)[0] == pytest.approx(bulk * 1e-6, rel=1e-12)
+    stress, state = strained(material, 0.01)
+    assert tensors.mean(stress)[0] == pytest.approx(1000 / 3, rel=1e-9)
+    assert state[0, 0] == pytest.approx(-(0.01 - 1000 / 3 / bulk), rel=1e-9)
+    assert state[0, 1] == 0.0
+    assert material.derived_state(stress, state)["porosity"][0] == pytest.approx(1 - 0.6 * math.exp(state[0, 0]))
+
+
+def test_saturated_cycle():
+    """Default: the pore pressure falls with the stress; the manual's rule locks it in."""
+    means = {}
+    for rule in ("fluid", "drained"):
+        material = Arena(**QUASISTATIC, initial_saturation=1.0, undrained_unloading=rule)
+        stress, state = start(material)
+        means[rule] = []
+        for change in (-0.02, 0.03, -0.03):
+            for _ in range(100):
+                material.compute_stress(stress, change * ISOTROPIC[None] / 100, state, 1.0)
+            means[rule].append(tensors.mean(stress)[0] / 1e6)
+    assert means["fluid"] == pytest.approx([-58, 0, -59], abs=1.0)
+    assert means["drained"] == pytest.approx([-58, -54, -160], abs=4.0)
+
+
+def test_shear_modulus_in_tension():
+    """By Poisson's ratio continuous at zero pressure, or the constant G0 (13 times larger)."""
+    values = {}
+    for rule in ("poisson", "constant"):
+        material = Arena(**QUASISTATIC, initial_saturation=0.0, shear_modulus_in_tension=rule)
+        stress, state = start(material)
+        for i1 in (1e-9, -1e-9):
+            stress[0, :3] = i1 / 3
+            values[rule, i1 > 0] = material.elastic_moduli(stress, state)[1][0]
+    assert values["poisson", True] == pytest.approx(values["poisson", False], rel=1e-4)
+    assert values["constant", True] == pytest.approx(7e8 * material.density_factor, rel=1e-12)
+
+
+def test_density_scaling_of_the_total_modulus():
+    """Scaling the drained part changes the saturated K little; scaling the total one by K_fac."""
+    k = {}
+    for rule, reference in (("drained", 0.40), ("total", 0.42)):
+        material = Arena(
+            **QUASISTATIC, initial_saturation=1.0, density_scaling=rule, reference_porosity=reference
+        )
+        stress, state = start(material)
+        stress[0, :3] = -100.0
+        k[rule] = material.elastic_moduli(stress, state)[0][0]
+    assert k["total"] / k["drained"] == pytest.approx(1.0591548, rel=1e-6)
+
+
+def test_disaggregation():
+    """Moduli times exp(evp - p3): 1 - initial_porosity at the start."""
+    stress = np.full((1, 6), -1e5) * (ISOTROPIC > 0)
+    bulk = []
+    for on in (False, True):
+        material = Arena(**QUASISTATIC, p0=1e6, initial_saturation=0.0, use_disaggregation_algorithm=on)
+        bulk.append(material.elastic_moduli(stress, start(material)[1])[0][0])
+    assert bulk[1] / bulk[0] == pytest.approx(0.6, rel=1e-12)
+
+
+@pytest.mark.parametrize("saturation", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize(("steps", "accuracy"), [(1, 2e-4), (200, 1e-5)])
+def test_elastic_compression_integrates_the_moduli(saturation, steps, accuracy):
+    """Large steps (substeps) and small ones (one call each) both follow dp = K dv, ds = 2 G de."""
+    material = Arena(**QUASISTATIC, initial_saturation=saturation, p0=1e9)
+
+    def rates(_, y):
+        stress = np.zeros((1, 6))
+        stress[0, :3] = -y[0]
+        bulk, shear = material.elastic_moduli(stress, start(material)[1])
+        return [bulk[0] * 8e-3, 2 * shear[0] * 2e-3]
+
+    p, s12 = solve_ivp(rates, (0, 1), [1e-9, 0.0], "DOP853", rtol=1e-11, atol=1e-3).y[:, -1]
+    increment = -8e-3 * ISOTROPIC + np.array([0, 0, 0, 2e-3, 0, 0])
+    stress, state = strained(material, increment, steps=steps)
+    assert state[0, 0] == 0.0
+    assert -tensors.mean(stress)[0] == pytest.approx(p, rel=accuracy)
+    assert stress[0, 3] == pytest.approx(s12, rel=accuracy)
+
+
+def test_non_associativity():
+    """Simple shear on the shear limit: -dev|p|/dgamma^p = 3 BETA^2 FSLOPE, normality in (z, r')."""
+    for beta in (0.4, 1.0):
+        material = Arena(
+            **QUASISTATIC, initial_saturation=0.0, BETA=beta, p0=1e9, STREN=0.0, YSLOPE=0.0, FSLOPE=0.3
+        )
+        increment = np.array([0, 0, 0, 0.5, 0, 0])
+        stress, state = start(material)
+        material.compute_stress(stress, -1e-3 * ISOTROPIC[None], state, 1.0)
+        for _ in range(100):
+            material.compute_stress(stress, increment[None] * 1e-4, state, 1.0)
+        before, volume = stress.copy(), state[0, 0]
+        _, shear = material.elastic_moduli(stress, state)
+        material.compute_stress(stress, increment[None] * 1e-7, state, 1.0)
+        elastic = (stress - before)[0, 3] / shear[0] / 2
+        plastic = 2 * (0.5e-7 - elastic)  # engineering shear
+        assert material.yield_excess(stress, state)[0] == pytest.approx(0.0, abs=1e-9)
+        assert -(state[0, 0] - volume) / plastic == pytest.approx(3 * beta**2 * 0.3, rel=2e-3)
+
+
+def test_overstress_decays_in_elastic_steps():
+    """Unloading at rate r: the old overstress falls by exp(-dt/tau), tau = T1 r^-T2."""
+    material = Arena(initial_saturation=0.0)
+    stress, state = strained(material, [-0.05, 0, 0, 0, 0, 0], steps=50, dt=5e-5)
+    over = stress - state[:, 4:]
+    assert np.abs(over).max() > 1e5
+    increment = np.array([[1e-6, 0, 0, 0, 0, 0]])
+    dt, volume = 1e-5, state[0, 0]
+    material.compute_stress(stress, increment, state, dt)
+    assert state[0, 0] == volume
+    decay = math.exp(-dt / (5e-5 * (1e-6 / dt) ** -0.5))
+    assert decay < 0.95
+    np.testing.assert_allclose(stress - state[:, 4:], decay * over, rtol=1e-9, atol=1e-3)
+
+
+def test_infinite_time_step_is_inviscid():
+    viscous = strained(Arena(), [-0.02, 0, 0, 0.01, 0, 0], dt=math.inf)[0]
+    inviscid = strained(Arena(**QUASISTATIC), [-0.02, 0, 0, 0.01, 0, 0], dt=1.0)[0]
+    np.testing.assert_allclose(viscous, inviscid, rtol=1e-12)
+
+
+def test_damage_lowers_the_vertex():
+    """Pulled at constant rate all strain is plastic: t_grow is the time, PEAKI1 falls with coherence."""
+    material = Arena(**QUASISTATIC, initial_saturation=0.0, do_damage=True, time_at_failure=1.0)
+    for time in (0.5, 1.0, 1.5):
+        stress, state = strained(material, 0.5 * time, steps=50, dt=time)
+        assert state[0, 4] == pytest.approx(time, rel=2e-5)
+        coherence = 1 / (1 + math.exp(-7 * (1 - state[0, 4])))
+        assert material.derived_state(stress, state)["coherence"][0] == pytest.approx(coherence, rel=1e-9)
+        peak = coherence * 1e3 + (1 - coherence) * 1e-5
+        assert 3 * tensors.mean(stress)[0] == pytest.approx(peak, rel=1e-6)
+
+
+def test_no_damage_without_time_or_yield():
+    material = Arena(**QUASISTATIC, initial_saturation=0.0, do_damage=True)
+    assert strained(material, 0.01, dt=math.inf)[1][0, 4] == 0.0
+    assert strained(material, 1e-7, dt=1.0)[1][0, 4] == 0.0
+
+
+def test_weibull_distribution_of_points_and_bonds():
+    """Points and bonds follow the same Weibull law; draws depend on ids alone; seed 0 draws nothing."""
+    n = 40_000
+    points = np.repeat(np.arange(n)[:, None], 2, axis=1)
+    bonds = np.stack([np.arange(0, 2 * n, 2), np.arange(1, 2 * n, 2)], axis=1)
+    volume = np.full(n, 1e-6)
+    size = (1e-3 / 1e-6) ** 0.25
+    for ids in (points, bonds):
+        factor = strength_factors(ids, volume, 4.0, 1e-3, 7)
+        share = 1 - np.exp(-((np.sort(factor) / size * math.gamma(1.25)) ** 4))
+        assert np.abs(share - (np.arange(n) + 0.5) / n).max() < 1.6 / math.sqrt(n)  # Kolmogorov-Smirnov
+        assert factor.mean() == pytest.approx(size, rel=0.01)
+        order = np.random.default_rng(0).permutation(n)
+        np.testing.assert_array_equal(strength_factors(ids[order], volume, 4.0, 1e-3, 7), factor[order])
+    swapped = strength_factors(bonds[:, ::-1], volume, 4.0, 1e-3, 7)
+    np.testing.assert_array_equal(swapped, factor)
+    np.testing.assert_allclose(strength_factors(bonds, volume, 4.0, 1e-3, 0), size, rtol=1e-14)
+
+
+def test_strength_factor_scales_the_surface():
+    """Vertex of a row in tension: PEAKI1 times its factor."""
+    material = Arena(**QUASISTATIC, initial_saturation=0.0, do_variability=True)
+    stress, state = start(material, rows=5)
+    factors = state[:, 4].copy()
+    assert factors.std() > 0.05
+    material.compute_stress(stress, np.tile(0.01 * ISOTROPIC, (5, 1)), state, 1.0)
+    np.testing.assert_allclose(3 * tensors.mean(stress), 1e3 * factors, rtol=1e-6)
+    np.testing.assert_array_equal(state[:, 4], factors)
+
+
+def test_initial_fluid_pressure():
+    """A row without stress starts at minus the fluid pressure, free of effective stress."""
+    material = Arena(**QUASISTATIC, initial_fluid_pressure=5e4)
+    stress, state = start(material)
+    np.testing.assert_array_equal(stress[0], [-5e4, -5e4, -5e4, 0, 0, 0])
+    np.testing.assert_allclose(state[0, :3], [0, 5e4, -1e3 - 1.5e5], atol=1e-6)
+
+
+@pytest.mark.parametrize("saturation", [0.0, 0.5, 1.0])
+def test_prestressed_start(saturation):
+    """A given stress lies on the surface of the state made for it, and stays under a zero increment."""
+    material = Arena(**QUASISTATIC, initial_saturation=saturation)
+    shear = 1e4 if saturation < 1 else 100.0  # undrained, the water takes the pressure
+    stress = np.array([[-3e4, -3e4 - shear, -3e4, shear / 10, 0, 0]])
+    state = material.initial_state(stress, np.zeros((1, 2), np.int64), np.ones(1))
+    assert material.yield_excess(stress, state)[0] == pytest.approx(0.0, abs=1e-6)
+    before = stress.copy()
+    material.compute_stress(stress, np.zeros((1, 6)), state, 1.0)
+    np.testing.assert_allclose(stress, before, rtol=1e-5, atol=0.1)
+
+
+def test_impossible_prestress_is_an_error():
+    stress = np.zeros((2, 6))
+    stress[1, 3] = 1e6
+    with pytest.raises(ValueError, match=r"row 1 .*outside every yield surface.*FSLOPE"):
+        Arena().initial_state(stress, np.zeros((2, 2), np.int64), np.ones(2))
+
+
+def test_strength_factor_that_breaks_the_rule_is_an_error():
+    material = Arena(do_variability=True, PEAKI1=1e5, weibull_reference_volume=1e12)
+    with pytest.raises(ValueError, match=r"STREN > YSLOPE \* PEAKI1"):
+        start(material)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "rule"),
+    [
+        ({"FSLOPE": 0.2}, "FSLOPE > YSLOPE > 0"),
+        ({"STREN": 300.0}, r"STREN > YSLOPE \* PEAKI1"),
+        ({"FSLOPE": 0.0, "STREN": 1e6, "YSLOPE": 0.0}, "von Mises: STREN > 0, the others 0"),
+        ({"T1": 0.0}, "both must be positive"),
+        ({"nu1": 0.49, "nu2": 0.2}, "below 0.5"),
+        ({"CR": 1.0}, "CR"),
+        ({"BETA": 0.0}, "BETA"),
+        ({"b4": 0.9}, "b4"),
+        ({"initial_saturation": 1.2}, "initial_saturation"),
+        ({"p3": 0.4}, "p3"),
+        ({"do_damage": True, "failed_YSLOPE": 0.9}, "FSLOPE > YSLOPE"),
+        ({"do_damage": True, "failed_PEAKI1": 0.0, "failed_YSLOPE": 0.0}, "of the intact one's kind"),
+    ],
+)
+def test_rules_between_parameters(parameters, rule):
+    with pytest.raises(ValidationError, match=rule):
+        Arena(**parameters)
+
+
+@pytest.mark.parametrize(
+    "surface",
+    [
+        {"STREN": 0.0, "YSLOPE": 0.0},
+        {"FSLOPE": 0.0, "YSLOPE": 0.0, "PEAKI1": 0.0},
+        {"YSLOPE": 0.0, "PEAKI1": 0.0},
+    ],
+)
+def test_special_surfaces(surface):
+    """Drucker-Prager, von Mises and saturating limit: shear ends at its closed form, without a failure."""
+    material = Arena(**QUASISTATIC, initial_saturation=0.0, p0=1e9, **surface)
+    stress, state = start(material)
+    material.compute_stress(stress, -1e-2 * ISOTROPIC[None], state, 1.0)
+    for _ in range(10):
+        material.compute_stress(stress, np.array([[-1e-3, 0, 1e-3, 2e-2, 0, 0]]), state, 1.0)
+    i1 = 3 * tensors.mean(stress)[0] + 3 * state[0, 1]
+    q = tensors.deviator_norm(stress)[0] / math.sqrt(2)
+    peak, fslope, stren = material.PEAKI1, material.FSLOPE, material.STREN
+    limit = fslope * (peak - i1) if stren == 0 else stren
+    if stren > 0 and fslope > 0:
+        limit = stren * (1 - math.exp(fslope / stren * i1))
+    assert q == pytest.approx(limit, rel=1e-6)
+    assert state[0, 3] == 0
+
+
+def test_plane_strain_rows_equal_three_dimensional_ones():
+    material = Arena()
+    strains = random_strains(50, 3e-3)
+    strains[:, 4:] = 0.0
+    results = []
+    for components in (4, 6):
+        stress, state = start(material, 50, components)
+        for _ in range(3):
+            material.compute_stress(stress, np.ascontiguousarray(strains[:, :components]), state, 1e-4)
+        results.append((stress, state))
+    np.testing.assert_array_equal(results[0][0], results[1][0][:, :4])
+    np.testing.assert_array_equal(results[0][1][:, :8], results[1][1][:, :8])
+
+
+def test_rows_are_independent():
+    material = Arena(**QUASISTATIC)
+    strains = random_strains(64, 1e-2)
+    together = start(material, 64)
+    material.compute_stress(together[0], strains, together[1], 1.0)
+    for row in (0, 17, 63):
+        alone = start(material)
+        material.compute_stress(alone[0], strains[row : row + 1], alone[1], 1.0)
+        np.testing.assert_array_equal(alone[0][0], together[0][row])
+
+
+def test_failed_update_restores_and_counts():
+    material = Arena()
+    stress, state = strained(material, [-0.01, 0, 0, 0, 0, 0])
+    before, kept = stress.copy(), state.copy()
+    increment = np.zeros((1, 6))
+    increment[0, 0] = np.nan
+    material.compute_stress(stress, increment, state, 1.0)
+    np.testing.assert_array_equal(stress, before)
+    kept[0, 3] += 1
+    np.testing.assert_array_equal(state, kept)
+    increment[0, 0] = -1e-3
+    material.compute_stress(stress, increment, state, 1.0)  # the row goes on
+    assert stress[0, 0] < before[0, 0]
+
+
+def test_merged_state_is_made_consistent_by_a_zero_increment():
+    """Averages of pressure and strength do not fit the averaged strain; a zero increment repairs that."""
+    material = Arena(**QUASISTATIC, initial_saturation=0.5)
+    stress, state = strained(material, -0.02)
+    exact = state.copy()
+    state[0, 1:3] *= 1.3
+    material.compute_stress(stress, np.zeros((1, 6)), state, 1.0)
+    np.testing.assert_allclose(state, exact, rtol=1e-6)
+
+
+def test_state_columns_follow_the_parts():
+    def names(**parameters):
+        return [f.name for f in Arena(**parameters).state_fields]
+
+    base = ["volumetric_plastic_strain", "pore_pressure", "compressive_strength", "failed_updates"]
+    assert names(**QUASISTATIC) == base
+    assert names() == [*base, "quasistatic_stress"]
+    assert names(do_damage=True, do_variability=True) == [
+        *base,
+        "damage_time",
+        "strength_factor",
+        "quasistatic_stress",
+    ]
+
+
+def test_yield_surface_curve():
+    """The curve ends at zero shear at both ends and passes through a yielding stress."""
+    material = Arena(**QUASISTATIC)
+    stress, state = strained(material, [-0.03, 0, 0, 0, 0, 0])
+    p, q = material.yield_surface(stress[0], state[0])
+    assert (q[0], q[-1]) == pytest.approx((0, 0), abs=1e-6 * q.max())
+    assert p[0] == pytest.approx(state[0, 2] / 3)
+    at_stress = np.interp(tensors.mean(stress)[0], p, q)
+    assert at_stress == pytest.approx(tensors.equivalent_shear(stress)[0], rel=1e-3)
+
+
+def test_random_states_and_increments():
+    """Reduced form of benchmarks/arena_random_states.py: no failure, no NaN, nothing off the surface."""
+    rng = np.random.default_rng(3)
+    for saturation in (0.0, 0.02, 0.5, 0.98, 1.0):
+        material = Arena(
+            **QUASISTATIC,
+            initial_saturation=saturation,
+            BETA=float(rng.uniform(0.3, 2.0)),
+            CR=float(rng.uniform(0.05, 0.95)),
+            p1_sat=float(rng.choice([1.0, 0.3])),
+        )
+        stress, state = start(material, 400)
+        for _ in range(3):
+            increment = random_strains(400, 1.0, int(rng.integers(1 << 30)))
+            size = 0.2 * 10.0 ** (-7.3 * rng.random(400) ** 2)
+            increment *= (size / tensors.deviator_norm(increment))[:, None]
+            material.compute_stress(stress, increment, state, 1.0)
+        assert not state[:, 3].any()
+        assert np.isfinite(stress).all() and np.isfinite(state).all()
+        assert material.yield_excess(stress, state).max() < 1e-6
