@@ -4,11 +4,17 @@ Forces between single points along the line that joins them would make any inter
 points: at a distance of one spacing it interlocks even without friction. Here the two bodies' own normals make
 the interface smooth. A point's normal is the direction in which its body's neighbours are missing,
 
-    a_i = sum_j w V_j xi_ij / (delta sum_j w V_j)    (it points into the body, and vanishes in its interior),
+    a_i = sum_j w V_j xi_ij / (delta sum_j w V_j),  w = 1 - |xi|^2/delta^2,
 
-and a pair's normal n, from the first to the second, is that of a_j - a_i + 0.01 xi/|xi|. With overlap
-h = spacing - xi.n and the distance t across the normal, the pair's normal force is k c (1 - |t|/spacing) h n:
-the hats of a flat lattice add up to one in the plane, and to pi/3 on average in space, which c makes good.
+(it points into the body, and vanishes in its interior; the wide w makes it ten times less sensitive to ripples of the
+surface than the scheme's influence),
+
+and a pair's normal n, from the first to the second, is along -a_i or a_j: the one that sees the points farther
+apart, xi.n, since two bodies are apart when the surface of one of them separates them, and a corner's normal says
+nothing about the face that it stands on. Where a falls below 0.1 the line between the points, xi, makes up for the
+rest. With overlap h = spacing - xi.n and the distance t across the normal, the pair's normal force is k c (1 - |t|/spacing) h n:
+the hats of a flat lattice add up to one in the plane, and to pi/3 on average in space, which c makes good. It comes
+with the small force across the normal that makes the pair's energy k c (1 - |t|/spacing) h^2 / 2 a potential.
 The tangential force is a spring of the same stiffness from where the pair began to stick, cut to friction times
 the normal force. Forces on the two points are opposite.
 """
@@ -22,7 +28,7 @@ from periporo.core.particles import Field, Particles
 from periporo.core.reductions import any_rank, maximum, minimum
 
 _PARTNERS = {2: 12, 3: 32}  # points of the other body that a point can touch at once
-_SMALL = 0.01
+_SURFACE = 0.1  # |a| from which on a point is at its body's surface; it is about 0.2 at a flat one
 
 
 class BodiesContact:
@@ -136,19 +142,22 @@ def _body_normals(near, owned, first, second, weight, position, volume, mass, ho
     normal[:] = 0.0
     for b in range(first.shape[0]):
         i, j = first[b], second[b]
-        if weight[b] == 0.0 or not (near[i] or near[j]):
+        if weight[b] == 0.0 or not (near[i] or near[j]):  # beyond the horizon, or of no concern
             continue
-        total[i] += weight[b] * volume[j]
-        total[j] += weight[b] * volume[i]
+        square = 0.0
+        for a in range(len(dim)):
+            square += (position[j, a] - position[i, a]) ** 2
+        w = 1.0 - square / horizon**2
+        total[i] += w * volume[j]
+        total[j] += w * volume[i]
         for a in range(len(dim)):
             xi = position[j, a] - position[i, a]
-            normal[i, a] += weight[b] * volume[j] * xi
-            normal[j, a] -= weight[b] * volume[i] * xi
+            normal[i, a] += w * volume[j] * xi
+            normal[j, a] -= w * volume[i] * xi
     for i in range(owned):
         normal[i, len(dim)] = mass[i]
-        if total[i] > 0.0:
-            for a in range(len(dim)):
-                normal[i, a] /= horizon * total[i]
+        for a in range(len(dim)):
+            normal[i, a] = normal[i, a] / (horizon * total[i]) if near[i] and total[i] > 0.0 else 0.0
 
 
 @inlined
@@ -161,6 +170,40 @@ def _slot_of(partner, i, key):
         if free < 0 and partner[i, s] == 0:
             free = s
     return free
+
+
+@inlined
+def _central_part(normal, i, d):
+    """How much of a pair's own direction goes into the normal of point i, for it knows no better: 0 at a surface."""
+    square = 0.0
+    for a in range(d):
+        square += normal[i, a] ** 2
+    size = np.sqrt(square)
+    return 0.0 if size >= _SURFACE else _SURFACE - size
+
+
+@inlined
+def _separating_normal(xi, normal, i, j, d, n):
+    """Fill `n` with the one of the two points' normals that sees them farther apart; how far."""
+    distance, own_size, other_size, own_along, other_along = 0.0, 0.0, 0.0, 0.0, 0.0
+    for a in range(d):
+        distance += xi[a] ** 2
+    distance = np.sqrt(distance)
+    own_central, other_central = _central_part(normal, i, d) / distance, _central_part(normal, j, d) / distance
+    for a in range(d):
+        own, other = own_central * xi[a] - normal[i, a], other_central * xi[a] + normal[j, a]
+        own_size += own**2
+        other_size += other**2
+        own_along += own * xi[a]
+        other_along += other * xi[a]
+    own_size, other_size = np.sqrt(own_size), np.sqrt(other_size)
+    if own_along / own_size >= other_along / other_size:
+        for a in range(d):
+            n[a] = (own_central * xi[a] - normal[i, a]) / own_size
+        return own_along / own_size
+    for a in range(d):
+        n[a] = (other_central * xi[a] + normal[j, a]) / other_size
+    return other_along / other_size
 
 
 @inlined
@@ -182,23 +225,14 @@ def _pair_force(
     xi, n, slip = np.zeros(d), np.zeros(d), np.zeros(d)
     for b in range(first.shape[0]):
         i, j = first[b], second[b]
-        distance, size = 0.0, 0.0
         for a in range(d):
             xi[a] = position[j, a] - position[i, a]
-            distance += xi[a] ** 2
-        distance = np.sqrt(distance)
+        along, across, approach = _separating_normal(xi, normal, i, j, d, n), 0.0, 0.0
         for a in range(d):
-            n[a] = normal[j, a] - normal[i, a] + _SMALL * xi[a] / distance
-            size += n[a] ** 2
-        size = np.sqrt(size)
-        along, across, approach = 0.0, 0.0, 0.0
-        for a in range(d):
-            n[a] /= size
-            along += xi[a] * n[a]
             approach += (velocity[i, a] - velocity[j, a]) * n[a]
-        for a in range(d):
             across += (xi[a] - along * n[a]) ** 2
-        hat = level * (1.0 - np.sqrt(across) / spacing)
+        across = np.sqrt(across)
+        hat = level * (1.0 - across / spacing)
         overlap = spacing - along
         here = _slot_of(partner, i, ids[j] + 1) if i < owned else -1
         there = _slot_of(partner, j, ids[i] + 1) if j < owned else -1
@@ -230,14 +264,17 @@ def _pair_force(
         size = np.sqrt(size)
         limit = friction * pressure / k
         scale = limit / size if size > limit else 1.0
+        # slope of the energy k h^2 / 2 across the normal
+        sideways = 0.5 * stiffness * level * overlap**2 / (spacing * across) if across > 0.0 else 0.0
         for a in range(d):
             slip[a] *= scale
             if i < owned:
                 spring[i, here * d + a] = slip[a]
             if j < owned:
                 spring[j, there * d + a] = slip[a]
-            contact[i, a] -= elastic * n[a]
-            contact[j, a] += elastic * n[a]
+            f = elastic * n[a] + sideways * (xi[a] - (spacing - overlap) * n[a])
+            contact[i, a] -= f
+            contact[j, a] += f
             f = (pressure - elastic) * n[a] + k * slip[a]
             shear[i, a] -= f
             shear[j, a] += f

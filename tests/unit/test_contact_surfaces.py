@@ -1,0 +1,77 @@
+"""Gaps and normals of rigid surfaces against geometry."""
+
+import numpy as np
+import pytest
+
+from periporo.contact.surfaces import Box, Cylinder, Disc, Plane, Polyline
+
+CLOCKWISE = [[0, 0], [0, 2], [1, 2], [3, 0], [0, 0]]
+TERRAIN = [[-1.0, 0.5], [0.0, 0.0], [1.0, 0.0], [1.5, 1.0], [3.0, 0.4]]
+SURFACES = {
+    "plane": (Plane([0.1, 0.2], [1.0, 2.0]), 2),
+    "plane 3D": (Plane([0.1, 0.2, 0.3], [1.0, 2.0, -0.5]), 3),
+    "box": (Box([-0.5, -0.3], [0.7, 0.4]), 2),
+    "box 3D": (Box([-0.5, -0.3, -0.6], [0.7, 0.4, 0.5]), 3),
+    "disc": (Disc([0.2, -0.1], 0.8), 2),
+    "cylinder": (Cylinder([0.1, 0.0, -0.5], 2, 0.6, 1.1), 3),
+    "cylinder along x": (Cylinder([-0.5, 0.1, 0.0], 0, 0.6, 1.1), 3),
+    "terrain": (Polyline(TERRAIN), 2),
+    "obstacle": (Polyline(CLOCKWISE), 2),
+}
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_normal_is_the_gradient_of_the_gap(name):
+    surface, d = SURFACES[name]
+    x = np.random.default_rng(1).uniform(-2.0, 3.0, (2000, d))
+    gap, normal = surface.gap(x)
+    assert np.abs((normal**2).sum(axis=1) - 1.0).max() < 1e-12
+    step = 1e-7
+    ends = np.stack([surface.gap(x + sign * step * normal)[0] for sign in (1, -1)])
+    smooth = np.abs(ends - gap).max(axis=0) < 1.5 * step  # not across an edge's bisector
+    assert smooth.all()
+    assert np.median(np.abs((ends[0] - ends[1]) / (2 * step) - 1.0)) < 1e-7
+    # a distance never changes faster than its place
+    other = np.random.default_rng(2).uniform(-2.0, 3.0, (2000, d))
+    assert (np.abs(surface.gap(other)[0] - gap) <= np.sqrt(((other - x) ** 2).sum(axis=1)) + 1e-12).all()
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_the_foot_of_an_outer_point_lies_on_the_surface(name):
+    surface, d = SURFACES[name]
+    x = np.random.default_rng(3).uniform(-2.0, 3.0, (500, d))
+    gap, normal = surface.gap(x)
+    outside = gap > 0.0
+    foot = x[outside] - gap[outside, None] * normal[outside]
+    assert outside.sum() > 100
+    assert np.abs(surface.gap(foot)[0]).max() < 1e-12
+
+
+def test_known_gaps():
+    box, disc = Box([0, 0], [2, 1]), Disc([1, 1], 0.5)
+    assert box.gap(np.array([[3.0, 2.0], [1.0, 0.9], [-1.0, 0.5]]))[0] == pytest.approx([np.sqrt(2.0), -0.1, 1.0])
+    assert disc.gap(np.array([[1.0, 3.0], [1.0, 1.0]]))[0] == pytest.approx([1.5, -0.5])
+    assert np.isfinite(disc.gap(np.array([[1.0, 1.0]]))[1]).all()
+    cylinder = Cylinder([0, 0, 0], 2, 1.0, 2.0)
+    x = np.array([[3.0, 0, 1.0], [0, 0, 4.0], [0, 0, -1.0], [2.0, 0, 3.0], [0.9, 0, 1.0], [0.0, 0.0, 1.8]])
+    gap, normal = cylinder.gap(x)
+    assert gap == pytest.approx([2.0, 2.0, 1.0, np.sqrt(2.0), -0.1, -0.2])
+    assert normal[[1, 2, 4, 5]] == pytest.approx(np.array([[0, 0, 1], [0, 0, -1], [1, 0, 0], [0, 0, 1]]))
+
+
+def test_polyline_ends_go_on_and_a_closed_one_is_a_solid():
+    terrain = Polyline(TERRAIN)
+    # beyond the first vertex the slope of -1/2 goes on
+    x = np.array([[-5.0, 2.5 + 1.0], [-5.0, 2.5 - 1.0]])
+    assert terrain.gap(x)[0] == pytest.approx(np.array([1.0, -1.0]) * 2.0 / np.sqrt(5.0))
+    # in the concave corner at (0, 0) both sides are outside, below it is solid
+    assert terrain.gap(np.array([[0.0, 0.1], [0.0, -0.1]]))[0] == pytest.approx([0.2 / np.sqrt(5.0), -0.1])
+    # the closed one agrees with the box that it is drawn around
+    box, line = Box([0, 0], [2, 1]), Polyline([[0, 0], [0, 1], [2, 1], [2, 0], [0, 0]])
+    x = np.random.default_rng(4).uniform(-1, 3, (1000, 2))
+    assert line.gap(x)[0] == pytest.approx(box.gap(x)[0], abs=1e-13)
+
+
+def test_nan_stays_visible():
+    for surface, d in SURFACES.values():
+        assert np.isnan(surface.gap(np.full((1, d), np.nan))[0]).all()
