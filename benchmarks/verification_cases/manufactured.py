@@ -1,0 +1,73 @@
+"""V6: a manufactured solution of linear elasticity."""
+
+import numpy as np
+
+from periporo.core.stages import RelaxStage
+
+from .common import P_MODULUS, Figure, ImposedVelocity, box, order, owned, simulation
+
+WAVE_NUMBER, AMPLITUDE = 1.5 * np.pi, 1e-7
+
+
+def _exact(x):
+    """Displacement (n, 2): amplitude (sin kx cos ky, cos kx sin ky), a gradient field."""
+    a, b = WAVE_NUMBER * x[:, 0], WAVE_NUMBER * x[:, 1]
+    return AMPLITUDE * np.stack([np.sin(a) * np.cos(b), np.cos(a) * np.sin(b)], axis=1)
+
+
+class _BodyForce:
+    """Force per volume 2 k^2 (K + 4 mu / 3) u, with which u is in equilibrium."""
+
+    def add_force(self, p, time, dt):
+        """Add to the external force."""
+        density = 2.0 * WAVE_NUMBER**2 * P_MODULUS * _exact(p.initial_position)
+        p.external_force[: p.owned] += p.volume[: p.owned, None] * density
+
+
+class _Held:
+    """Points that keep their place."""
+
+    def __init__(self, ids):
+        self.ids = ids
+
+    def apply(self, p, time, dt, closing_step):
+        """Stop them."""
+        p.velocity[np.flatnonzero(np.isin(p.id[: p.owned], self.ids))] = 0.0
+
+    def hold_zero(self, p, free):
+        """Their components are not free."""
+        free[np.isin(p.id[: p.owned], self.ids)] = 0.0
+
+
+def _solution_error(cells, jitter, scheme):
+    """Relative L2 error of the displacement of the free points.
+
+    The unit square is surrounded by a layer of the depth of the horizon. One step of prescribed motion takes all
+    points to the exact solution; from there the free points relax.
+    """
+    spacing = 1.0 / cells
+    layer = 3 * spacing
+    sim = simulation(spacing, box([-layer, -layer], [1 + layer, 1 + layer]), scheme=scheme, jitter=jitter)
+    sim.start()
+    sim.prescribed_motions = [ImposedVelocity(lambda x, dt: _exact(x) / dt)]
+    sim.step()
+    start = owned(sim, "initial_position")
+    inside = (np.abs(start - 0.5) < 0.5).all(axis=1)
+    held = _Held(owned(sim, "id")[~inside].copy())
+    tolerance = 1e-4 if cells < 40 else 3e-5
+    RelaxStage(name="equilibrium", prescribed_motions=[held], loads=[_BodyForce()], tolerance=tolerance).run(sim)
+    start = owned(sim, "initial_position")
+    inside = (np.abs(start - 0.5) < 0.5).all(axis=1)
+    exact = _exact(start)[inside]
+    return np.linalg.norm((owned(sim, "position") - start)[inside] - exact) / np.linalg.norm(exact)
+
+
+def manufactured(full=False, scheme="bond_projected"):
+    """V6: displacement against the exact solution on a grid and on a cloud with 10 % jitter."""
+    resolutions = (8, 16, 32, 64) if full else (8, 16)
+    figures = []
+    for name, jitter, least in (("grid", 0.0, 1.9), ("10 % jitter", 0.1, 1.0)):
+        errors = [_solution_error(n, jitter, scheme) for n in resolutions]
+        listed = [Figure(f"error on the {name}, h = 1/{n}", e) for n, e in zip(resolutions, errors, strict=True)]
+        figures += [*listed, Figure(f"order on the {name}", order(errors), at_least=least)]
+    return figures

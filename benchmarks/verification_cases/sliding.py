@@ -1,0 +1,67 @@
+"""V15: a block on an incline and on the level, Coulomb friction."""
+
+import numpy as np
+
+from .common import GRAVITY, Figure, box, owned, simulation
+
+ANGLE = np.radians(30.0)
+
+
+def _block(friction, slope, speed, scheme, full, **keys):
+    """An elastic block that just touches a plane, in axes along and across the slope."""
+    spacing = 0.005 if full else 0.01
+    gravity = [GRAVITY * np.sin(slope), -GRAVITY * np.cos(slope)]
+    sim = simulation(
+        spacing, box([0.0, 0.0], [0.08, 0.04]), scheme=scheme, gravity=gravity,
+        contacts=[{"type": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "friction": friction, **keys}],
+    )  # fmt: skip
+    sim.particles.velocity[:, 0] = speed
+    sim.start()
+    return sim
+
+
+def _travel(sim):
+    """Displacement of the centre of mass along the slope, m."""
+    return float((owned(sim, "position") - owned(sim, "initial_position"))[:, 0].mean())
+
+
+def _advance(sim, end):
+    while sim.time < end:
+        sim.step()
+
+
+def incline(full=False, scheme="bond_projected"):
+    """V15: distance slid down a slope of 30 degrees with friction 0.1 in 0.99 s: g (sin - 0.1 cos) t^2 / 2."""
+    sim = _block(0.1, ANGLE, 0.0, scheme, full)
+    _advance(sim, 0.99)
+    exact = 0.5 * GRAVITY * (np.sin(ANGLE) - 0.1 * np.cos(ANGLE)) * sim.time**2
+    distance = _travel(sim) * 0.99**2 / sim.time**2
+    return [
+        Figure("distance in 0.99 s, m (1.9874)", distance),
+        Figure("distance, relative error", abs(_travel(sim) / exact - 1.0), at_most=1e-3),
+    ]
+
+
+def sticking(full=False, scheme="bond_projected"):
+    """V15: with friction 0.7 > tan 30 the block stays where its springs have taken the load."""
+    sim = _block(0.7, ANGLE, 0.0, scheme, full, damping=0.2)
+    _advance(sim, 0.1)
+    settled = _travel(sim)
+    _advance(sim, 0.3 if full else 0.2)
+    return [
+        Figure("displacement, m", abs(_travel(sim)), at_most=1e-4),
+        Figure("creep after 0.1 s, m/s", abs(_travel(sim) - settled) / (sim.time - 0.1), at_most=1e-6),
+    ]
+
+
+def stopping(full=False, scheme="bond_projected"):
+    """V15: a block thrown along the level with 1 m/s stops after v^2 / (2 mu g)."""
+    friction, speed = 0.3, 1.0
+    sim = _block(friction, 0.0, speed, scheme, full)
+    end = speed / (friction * GRAVITY)
+    _advance(sim, 1.1 * end)
+    exact = speed**2 / (2.0 * friction * GRAVITY)
+    return [
+        Figure("stopping distance, relative error", abs(_travel(sim) / exact - 1.0), at_most=1e-3),
+        Figure("mean speed at the end, / start", abs(owned(sim, "velocity")[:, 0].mean()) / speed, at_most=1e-2),
+    ]
