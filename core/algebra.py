@@ -19,6 +19,22 @@ def dot(a, b):
     """a . b"""
 
 
+def zero_matrix(dim):
+    """A matrix of zeros."""
+
+
+def zero_spin(dim):
+    """An axial vector (1|3) of zeros."""
+
+
+def zero_symmetric(dim):
+    """A symmetric tensor (4|6) of zeros."""
+
+
+def zero_vector(dim):
+    """A vector of zeros."""
+
+
 def minus(a, b):
     """a - b of vectors."""
 
@@ -67,6 +83,25 @@ def store(rows, i, start, value):
     """Write a tuple to columns `start` ... of row i."""
 
 
+def add(rows, i, start, value, factor):
+    """Add factor times a tuple to columns `start` ... of row i."""
+
+
+LANES = 64
+"""Rows that are worked on together: a tile is a flat array in which quantity q of lane k is tile[q * LANES + k].
+
+The constant stride lets the compiler see that lanes do not touch each other, and vectorise.
+"""
+
+
+def to_lane(tile, start, lane, value):
+    """Write a tuple to the quantities `start` ... of a lane."""
+
+
+def from_lane(tile, start, lane, like):
+    """Quantities `start` ... of a lane as a tuple as long as `like`."""
+
+
 def shape_at(rows, i, start, dim):
     """The symmetric d x d matrix in columns `start` ... of row i."""
 
@@ -107,6 +142,34 @@ def _dot(a, b):
     if len(a) == 2:
         return lambda a, b: a[0] * b[0] + a[1] * b[1]
     return lambda a, b: a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@overload(zero_matrix)
+def _zero_matrix(dim):
+    if len(dim) == 2:
+        return lambda dim: (0.0, 0.0, 0.0, 0.0)
+    return lambda dim: (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@overload(zero_symmetric)
+def _zero_symmetric(dim):
+    if len(dim) == 2:
+        return lambda dim: (0.0, 0.0, 0.0, 0.0)
+    return lambda dim: (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@overload(zero_spin)
+def _zero_spin(dim):
+    if len(dim) == 2:
+        return lambda dim: (0.0,)
+    return lambda dim: (0.0, 0.0, 0.0)
+
+
+@overload(zero_vector)
+def _zero_vector(dim):
+    if len(dim) == 2:
+        return lambda dim: (0.0, 0.0)
+    return lambda dim: (0.0, 0.0, 0.0)
 
 
 @overload(minus)
@@ -278,11 +341,49 @@ def _symmetric_at(rows, i, start, dim):
 
 @overload(store)
 def _store(rows, i, start, value):
+    if len(value) == 0:
+        return lambda rows, i, start, value: None
+
     def write(rows, i, start, value):
-        for c in range(len(value)):
-            rows[i, start + c] = value[c]
+        rows[i, start] = value[0]
+        store(rows, i, start + 1, value[1:])
 
     return write
+
+
+@overload(add)
+def _add(rows, i, start, value, factor):
+    if len(value) == 0:
+        return lambda rows, i, start, value, factor: None
+
+    def accumulate(rows, i, start, value, factor):
+        rows[i, start] += factor * value[0]
+        add(rows, i, start + 1, value[1:], factor)
+
+    return accumulate
+
+
+@overload(to_lane)
+def _to_lane(tile, start, lane, value):
+    if len(value) == 0:
+        return lambda tile, start, lane, value: None
+
+    def write(tile, start, lane, value):
+        tile[start * LANES + lane] = value[0]
+        to_lane(tile, start + 1, lane, value[1:])
+
+    return write
+
+
+@overload(from_lane)
+def _from_lane(tile, start, lane, like):
+    if len(like) == 1:
+        return lambda tile, start, lane, like: (tile[start * LANES + lane],)
+
+    def read(tile, start, lane, like):
+        return (tile[start * LANES + lane],) + from_lane(tile, start + 1, lane, like[1:])
+
+    return read
 
 
 @overload(shape_at)

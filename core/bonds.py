@@ -29,10 +29,10 @@ class Block:
         self.tensor_columns = np.array(tensors, np.int64)
         self.log_columns = np.array(logs, np.bool_)
         self.rows = slice(0, 0)
-        self.pair = np.empty(0, np.int32)  # what the layout makes of a row: see there
+        self.pair = np.empty(0, np.uint32)  # what the layout makes of a row: see there
         self.side = np.empty(0, np.int8)
         self.start = np.zeros(1, np.int64)
-        self.first, self.second = np.empty(0, np.int32), np.empty(0, np.int32)
+        self.first, self.second = np.empty(0, np.uint32), np.empty(0, np.uint32)
         self.ids = np.empty((0, 2), np.int64)
         self.integrity, self.fraction = np.empty(0), np.empty(0)
         self.shape_inverse, self.gradient = np.empty((0, 0)), np.empty((0, 0))

@@ -8,14 +8,14 @@ from periporo.core.jit import kernel
 class Pairs:
     """Undirected pairs with at least one owned end, sorted by (lower id, higher id).
 
-    `first`, `second` (n,) int32 rows of the end with the lower and the higher id; `ids` (n, 2) int64;
+    `first`, `second` (n,) uint32 rows of the end with the lower and the higher id; `ids` (n, 2) int64;
     `weight` (n,) influence w of the present configuration, 0 from the horizon on. Every loop over pairs adds
     to both ends in this order, which is the same on every rank: sums do not depend on the decomposition.
     """
 
     def __init__(self):
-        self.first = np.empty(0, np.int32)
-        self.second = np.empty(0, np.int32)
+        self.first = np.empty(0, np.uint32)
+        self.second = np.empty(0, np.uint32)
         self.ids = np.empty((0, 2), np.int64)
         self.weight = np.empty(0)
 
@@ -30,7 +30,7 @@ class Pairs:
 
 
 def find_pairs(particles, rows: np.ndarray, group: np.ndarray, reach: float, capacity: int = 1024) -> np.ndarray:
-    """Ends (2, n) int32 of all pairs among `rows` closer than `reach` m, of equal `group` and with an owned end.
+    """Ends (2, n) uint32 of all pairs among `rows` closer than `reach` m, of equal `group` and with an owned end.
 
     The first end has the lower id; pairs stand in the order of (lower id, higher id). `capacity` is a guess of n.
     """
@@ -38,7 +38,7 @@ def find_pairs(particles, rows: np.ndarray, group: np.ndarray, reach: float, cap
     order = rows[np.argsort(p.id[rows], kind="stable")].astype(np.int32)
     cell, counts = _cells(p.position[order], reach)
     while True:
-        ends = np.empty((2, capacity), np.int32)
+        ends = np.empty((2, capacity), np.uint32)
         found = _find_pairs(order, p.position, group, p.owned, cell, counts, reach, ends, p.dim)
         if found <= capacity:
             return ends[:, :found].copy()

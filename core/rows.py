@@ -18,11 +18,11 @@ class PairRows:
         """Find the rows of `block`."""
         n = len(pairs.first)
         if len(blocks) == 1:
-            block.pair, block.side = np.arange(n, dtype=np.int32), np.zeros(n, np.int8)
+            block.pair, block.side = np.arange(n, dtype=np.uint32), np.zeros(n, np.int8)
             return
         is_first = particles.material[pairs.first] == block.index
         is_second = particles.material[pairs.second] == block.index
-        block.pair = np.flatnonzero(is_first | is_second).astype(np.int32)
+        block.pair = np.flatnonzero(is_first | is_second).astype(np.uint32)
         side = np.where(is_first & is_second, BOTH, np.where(is_first, FIRST, SECOND))
         block.side = side[block.pair].astype(np.int8)
 
@@ -90,7 +90,7 @@ class PointRows:
     def choose(self, block, blocks, pairs, particles) -> None:
         """Find the rows of `block`."""
         p = particles
-        block.first = block.second = np.flatnonzero(p.material[: p.owned] == block.index).astype(np.int32)
+        block.first = block.second = np.flatnonzero(p.material[: p.owned] == block.index).astype(np.uint32)
         block.pair, block.side = block.first, np.zeros(len(block.first), np.int8)
         block.integrity = np.ones(len(block.first))
         block.ids = np.stack([p.id[block.first]] * 2, axis=1)
@@ -112,7 +112,7 @@ class PointRows:
 
 
 def _all_rows(block):
-    return np.arange(len(block.pair), dtype=np.int32)
+    return np.arange(len(block.pair), dtype=np.uint32)
 
 
 @kernel
@@ -133,7 +133,7 @@ def _directed_rows(first, second, own, owned):
         start[i + 1] += start[i]
     filled = start.copy()
     rows = start[owned]
-    pair, point, neighbour = np.empty(rows, np.int32), np.empty(rows, np.int32), np.empty(rows, np.int32)
+    pair, point, neighbour = np.empty(rows, np.uint32), np.empty(rows, np.uint32), np.empty(rows, np.uint32)
     for b in range(first.shape[0]):
         for i, j in ((first[b], second[b]), (second[b], first[b])):
             if i < owned and own[i]:

@@ -20,6 +20,7 @@ symmetric and positive semi-definite.
 import numpy as np
 
 from periporo.core import algebra as la
+from periporo.core.algebra import LANES
 from periporo.core.correspondence import kinematics
 from periporo.core.correspondence.influence import influence_table, support
 from periporo.core.correspondence.moments import close_points, sum_moments
@@ -106,20 +107,32 @@ class BondProjected:
 def _strain_rows(
     pair, active, first, second, position, velocity, gradient, dt, stress, strain_increment, state, tensors, dim
 ):
-    components = strain_increment.shape[1]
+    tile, rows, used = kinematics.new_tile(dim), np.zeros(LANES, np.int64), 0
+    extra = kinematics.extra_quantity(dim)
     for r in range(pair.shape[0]):
-        if not active[r]:
-            for c in range(components):
-                strain_increment[r, c] = 0.0
-            continue
-        b = pair[r]
-        i, j = first[b], second[b]
-        xi = la.difference(position, i, j, dim)
-        dv = la.difference(velocity, i, j, dim)
-        mean = la.mean_matrix(gradient, i, j, dim)
+        if active[r]:
+            i, j = first[pair[r]], second[pair[r]]
+            kinematics.load_lane(tile, rows, used, r, la.mean_matrix(gradient, i, j, dim), stress, dim)
+            la.to_lane(tile, extra, used, la.difference(position, i, j, dim))
+            la.to_lane(tile, extra + len(dim), used, la.difference(velocity, i, j, dim))
+            used += 1
+        else:
+            la.store(strain_increment, r, 0, la.zero_symmetric(dim))
+        if used == LANES or r == pair.shape[0] - 1:
+            _correct_tile(tile, extra, dim)
+            kinematics.turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, dim)
+            used = 0
+
+
+@inlined
+def _correct_tile(tile, extra, dim):
+    """Mean gradients L become the bonds' own, L + (dv - L xi) (x) xi / |xi|^2."""
+    for k in range(LANES):
+        mean = la.from_lane(tile, 0, k, la.zero_matrix(dim))
+        xi = la.from_lane(tile, extra, k, la.zero_vector(dim))
+        dv = la.from_lane(tile, extra + len(dim), k, la.zero_vector(dim))
         residual = la.minus(dv, la.apply(mean, xi))
-        g = la.scaled(la.plus_dyad(mean, residual, la.scaled(xi, 1.0 / la.dot(xi, xi))), dt)
-        kinematics.deform_row(g, r, stress, strain_increment, state, tensors, dim)
+        la.to_lane(tile, 0, k, la.plus_dyad(mean, residual, la.scaled(xi, 1.0 / la.dot(xi, xi))))
 
 
 @kernel
@@ -135,9 +148,8 @@ def _sum_flux(pair, side, active, first, second, weight, position, volume, share
         half = 0.5 * row_volume(side[r], weight[b] * volume[i] * volume[j], share, i, j)
         z = la.full(s)
         z = la.plus_dyad(z, la.apply_symmetric(s, xi), la.scaled(xi, -1.0 / la.dot(xi, xi)))
-        for c in range(len(z)):
-            flux[i, c] += half * z[c]
-            flux[j, c] += half * z[c]
+        la.add(flux, i, 0, z, half)
+        la.add(flux, j, 0, z, half)
 
 
 @kernel
@@ -145,8 +157,7 @@ def _close_flux(owned, volume, shape_inverse, flux, dim):
     for i in range(owned):
         z = la.scaled(la.matrix_at(flux, i, 0, dim), 1.0 / volume[i])
         z = la.times_shape(z, la.shape_at(shape_inverse, i, 0, dim))
-        for c in range(len(z)):
-            flux[i, c] = z[c]
+        la.store(flux, i, 0, z)
 
 
 @kernel

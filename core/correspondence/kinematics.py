@@ -7,9 +7,11 @@ part the spin increment dW. Stress is turned by Q = (I - dW/2)^-1 (I + dW/2), ex
 H = (I - dW/4)^-1 (I + dW/4), which makes the update second order.
 """
 
+import numpy as np
 from numba.extending import overload
 
 from periporo.core import algebra as la
+from periporo.core.algebra import LANES
 from periporo.core.jit import inlined
 
 
@@ -47,6 +49,51 @@ def deform_row(g, r, stress, strain_increment, state, tensors, dim):
     for t in range(tensors.shape[0]):
         c = tensors[t]
         la.store(state, r, c, rotated(la.symmetric_at(state, r, c, dim), whole))
+
+
+@inlined
+def new_tile(dim):
+    """Scratch of `LANES` rows for `turn_tile`, with room for two vectors more."""
+    return np.zeros(LANES * (len(dim) * len(dim) + 2 * len(la.zero_symmetric(dim)) + 3 + 2 * len(dim)))
+
+
+@inlined
+def extra_quantity(dim):
+    """Number of the first quantity in a tile that a scheme may use for itself."""
+    return len(dim) * len(dim) + 2 * len(la.zero_symmetric(dim)) + 3
+
+
+@inlined
+def load_lane(tile, rows, lane, r, gradient, stress, dim):
+    """Put row r, with its velocity gradient (a matrix tuple) and its stress, into a lane."""
+    rows[lane] = r
+    la.to_lane(tile, 0, lane, gradient)
+    la.to_lane(tile, len(dim) * len(dim), lane, la.symmetric_at(stress, r, 0, dim))
+
+
+@inlined
+def turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, dim):
+    """Strain increment over `dt` of the `used` rows in a tile; their stress and tensor state turn to the end.
+
+    All lanes are worked on, in vectors, so that a row's bits do not depend on its lane.
+    """
+    n = len(dim) * len(dim)
+    symmetric = la.zero_symmetric(dim)
+    c = len(symmetric)
+    for k in range(LANES):
+        g = midpoint_gradient(la.scaled(la.from_lane(tile, 0, k, la.zero_matrix(dim)), dt))
+        spin = spin_of(g)
+        la.to_lane(tile, n + c, k, rotated(strain_of(g), rotation(spin, 0.5)))
+        la.to_lane(tile, n, k, rotated(la.from_lane(tile, n, k, symmetric), rotation(spin, 1.0)))
+        la.to_lane(tile, n + 2 * c, k, spin)
+    for k in range(used):
+        r = rows[k]
+        la.store(stress, r, 0, la.from_lane(tile, n, k, symmetric))
+        la.store(strain_increment, r, 0, la.from_lane(tile, n + c, k, symmetric))
+        for t in range(tensors.shape[0]):
+            spin = la.from_lane(tile, n + 2 * c, k, la.zero_spin(dim))
+            turned = rotated(la.symmetric_at(state, r, tensors[t], dim), rotation(spin, 1.0))
+            la.store(state, r, tensors[t], turned)
 
 
 @overload(midpoint_gradient)
