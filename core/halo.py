@@ -46,12 +46,14 @@ class Halo:
         self.boundary_rows = np.empty(0, np.int64)  # owned rows that are a ghost anywhere
         self.bytes_sent = 0
         self.messages_sent = 0
+        self.points_migrated = 0
         self._exchanges: dict[tuple[str, ...], _Exchange] = {}
 
     def migrate(self, particles: Particles, owner: np.ndarray) -> dict[str, np.ndarray]:
         """Owned fields after each point moved to its new `owner` (owned,), rows in id order."""
         owned = particles.take(slice(0, particles.owned))
         if self.comm.size > 1:
+            self.points_migrated += int((owner != self.comm.rank).sum())
             fields = particles.migrating()
             rows = pack([owned[f.name] for f in fields])
             outgoing = {r: rows[owner == r] for r in np.unique(owner).tolist() if r != self.comm.rank}
@@ -99,6 +101,10 @@ class Halo:
         exchange.run()
         self.bytes_sent += exchange.bytes
         self.messages_sent += len(self.sends)
+
+    def reset_counters(self) -> None:
+        """Forget what was sent so far, for example to distribute the points at the start."""
+        self.bytes_sent = self.messages_sent = self.points_migrated = 0
 
     def close(self) -> None:
         """Free the persistent requests."""

@@ -55,9 +55,11 @@ def run_scene(arguments, comm) -> int:
             sim.observers.append(ProgressObserver(progress, history))
             progress.message(f"ready after {time.perf_counter() - began:.1f} s")
             sim.timing.reset()
+            sim.halo.reset_counters()
             sim.run()
             sim.halo.close()
-            writer.set_attributes({"wall_time_s": time.perf_counter() - began, "timing": _timing(sim)})
+            wall_time = time.perf_counter() - began
+            writer.set_attributes({"wall_time_s": wall_time, "timing": _timing(sim), **_counters(sim)})
         for line in _summary(sim, history, vertical_axis(scene)):
             progress.message(line)
         progress.message(f"results: {target}")
@@ -91,6 +93,13 @@ def _attributes(scene, comm):
 
 def _timing(sim) -> str:
     return yaml.safe_dump({k: round(v, 6) for k, v in sim.timing.seconds.items()}, default_flow_style=True)
+
+
+def _counters(sim) -> dict[str, int]:
+    """How often neighbours were found anew, and what the ranks sent each other after the start."""
+    sent = {"migrated_points": sim.halo.points_migrated, "messages": sim.halo.messages_sent,
+            "bytes_sent": sim.halo.bytes_sent}  # fmt: skip
+    return {"rebuilds": sim.rebuild_count, **{name: sim.comm.allreduce(count) for name, count in sent.items()}}
 
 
 def _summary(sim, history, vertical) -> list[str]:
