@@ -49,6 +49,7 @@ class BondProjected:
         """`horizon` m; `influence_name` one of `influence.NAMES`."""
         self.horizon = support(influence_name, horizon)
         self.table = influence_table(influence_name)
+        self._degenerate = 0  # points without a regular neighbourhood in the last step
 
     def deform(self, particles, bonds, halo, dt: float, material_dt: float) -> None:
         """Strain increment of every active row over the step that ends at the present positions.
@@ -57,13 +58,16 @@ class BondProjected:
         which a material sees a step of `material_dt` s.
         """
         p, pairs = particles, bonds.pairs
-        sum_moments(
+        crossed = sum_moments(
             pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.volume, self.horizon, self.table,
             p.sums, p.dim,
         )  # fmt: skip
-        close_points(p.owned, dt, p.sums, p.share, p.shape_inverse, p.gradient, p.jacobian, p.dim)
+        degenerate = close_points(p.owned, dt, p.sums, p.share, p.shape_inverse, p.gradient, p.jacobian, p.dim)
         self._exchange(p, bonds, halo)
-        bonds.admit_newborn(p, material_dt)
+        degenerate += int((p.share[p.owned :, 1] == 0.0).sum())
+        if crossed or degenerate or self._degenerate:  # otherwise every row is as active as it was
+            bonds.admit_newborn(p, material_dt)
+        self._degenerate = degenerate
         for block in bonds.blocks:
             _strain_rows(
                 block.pair, block.active, pairs.first, pairs.second, p.position, p.velocity, p.gradient, dt,

@@ -29,17 +29,23 @@ def integrity_of(regularity):
 
 @kernel
 def sum_moments(first, second, weight, position, velocity, volume, horizon, table, sums, dim):
-    """Weight of each pair; neighbour count, W, K and the velocity moment of both ends in `sums`."""
+    """Weight of each pair; neighbour count, W, K and the velocity moment of both ends in `sums`.
+
+    Returns how many pairs crossed the horizon since their weights were last found.
+    """
     sums[:] = 0.0
+    crossed = 0
     n_shape = len(dim) * (len(dim) + 1) // 2
     for b in range(first.shape[0]):
         i, j = first[b], second[b]
         xi = la.difference(position, i, j, dim)
         r2 = la.dot(xi, xi)
         if not r2 < horizon * horizon:
+            crossed += weight[b] > 0.0
             weight[b] = 0.0
             continue
         w = influence(1.0 - np.sqrt(r2) / horizon, table)
+        crossed += weight[b] == 0.0
         weight[b] = w
         dyad = la.square(xi)
         moment = la.dyad(la.difference(velocity, i, j, dim), xi)
@@ -49,17 +55,20 @@ def sum_moments(first, second, weight, position, velocity, volume, horizon, tabl
         sums[j, 0] += 1.0
         sums[i, 1] += wi
         sums[j, 1] += wj
-        for c in range(n_shape):
-            sums[i, 2 + c] += wi * dyad[c]
-            sums[j, 2 + c] += wj * dyad[c]
-        for c in range(len(dim) * len(dim)):
-            sums[i, 2 + n_shape + c] += wi * moment[c]
-            sums[j, 2 + n_shape + c] += wj * moment[c]
+        la.add(sums, i, 2, dyad, wi)
+        la.add(sums, j, 2, dyad, wj)
+        la.add(sums, i, 2 + n_shape, moment, wi)
+        la.add(sums, j, 2 + n_shape, moment, wj)
+    return crossed
 
 
 @kernel
 def close_points(owned, dt, sums, share, shape_inverse, gradient, jacobian, dim):
-    """Share, integrity, inverse shape tensor, velocity gradient and volume ratio of the owned points."""
+    """Share, integrity, inverse shape tensor, velocity gradient and volume ratio of the owned points.
+
+    Returns how many of them are degenerate.
+    """
+    degenerate = 0
     d = len(dim)
     n_shape = d * (d + 1) // 2
     fewest = 3.0 if d == 2 else 5.0
@@ -75,6 +84,7 @@ def close_points(owned, dt, sums, share, shape_inverse, gradient, jacobian, dim)
                 gradient[i, c] = g[c]
             jacobian[i] = 1.0 / la.determinant_minus(la.scaled(g, dt))
         else:
+            degenerate += 1
             share[i, 0] = 0.0
             for c in range(n_shape):
                 shape_inverse[i, c] = 0.0
@@ -82,3 +92,4 @@ def close_points(owned, dt, sums, share, shape_inverse, gradient, jacobian, dim)
                 gradient[i, c] = 0.0
             jacobian[i] = 1.0
         share[i, 1] = integrity
+    return degenerate

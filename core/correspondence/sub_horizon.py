@@ -22,10 +22,11 @@ from periporo.core.correspondence import kinematics
 from periporo.core.correspondence.influence import CLOSED, influence_table, support
 from periporo.core.correspondence.moments import close_points, integrity_of, inverse_and_regularity, sum_moments
 from periporo.core.correspondence.springs import add_spring
-from periporo.core.jit import kernel
+from periporo.core.jit import inlined, kernel
 from periporo.core.pair_exchange import PairExchange
 from periporo.core.rows import DirectedRows
 
+_LANES = 8  # numbers in a vector of the processor
 _LEAST_SHARE = 0.1  # of a point's bonds: with less the point itself fades out
 
 
@@ -125,9 +126,12 @@ def _neighbours(begin, end, pair, second, weight, i, position, horizon, row, xi,
             for a in range(len(dim)):
                 xi[a, count] = position[second[r], a] - position[i, a]
             count += 1
+    padded = _padded(count)
+    for a in range(len(dim)):
+        xi[a, count:padded] = np.inf  # nobody's neighbours
     square = horizon * horizon
     for k in range(count):
-        for j in range(count):
+        for j in range(padded):
             r2 = 0.0
             for a in range(len(dim)):
                 r2 += (xi[a, k] - xi[a, j]) ** 2
@@ -137,32 +141,38 @@ def _neighbours(begin, end, pair, second, weight, i, position, horizon, row, xi,
 
 @kernel
 def _sum_inside(count, inside, terms, sums):
-    """sums[c, j] = sum over k of inside[k, j] terms[c, k], four k at a time so that sums stay in registers."""
-    for c in range(terms.shape[0]):
-        for j in range(count):
-            sums[c, j] = 0.0
-    whole = count - count % 4
-    for k in range(0, whole, 4):
+    """sums[c, j] = sum over k of inside[k, j] terms[c, k], in ascending k.
+
+    Whole vectors of j and four k at a time keep the processor's vector units busy.
+    """
+    sums[:] = 0.0
+    padded = _padded(count)
+    for k in range(count, _padded(count)):
+        terms[:, k] = 0.0
+        inside[k, :padded] = 0.0
+    for k in range(0, count, 4):
         for c in range(terms.shape[0]):
             t0, t1, t2, t3 = terms[c, k], terms[c, k + 1], terms[c, k + 2], terms[c, k + 3]
-            for j in range(count):
+            for j in range(padded):
                 s = sums[c, j] + inside[k, j] * t0
                 s += inside[k + 1, j] * t1
                 s += inside[k + 2, j] * t2
                 sums[c, j] = s + inside[k + 3, j] * t3
-    for k in range(whole, count):
-        for c in range(terms.shape[0]):
-            t0 = terms[c, k]
-            for j in range(count):
-                sums[c, j] += inside[k, j] * t0
+
+
+@inlined
+def _padded(count):
+    """`count` rounded up to whole vectors."""
+    return (count + _LANES - 1) // _LANES * _LANES
 
 
 @kernel
 def _widest(start):
+    """Largest number of rows of a point, rounded up to whole vectors."""
     widest = 0
     for i in range(start.shape[0] - 1):
         widest = max(widest, start[i + 1] - start[i])
-    return widest
+    return _padded(widest)
 
 
 @kernel
