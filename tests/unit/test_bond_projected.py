@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from periporo.core.correspondence.influence import support
 from periporo.core.correspondence.moments import DEGENERATE, REGULAR
 from periporo.core.tensors import to_matrix
 from periporo.materials.elastic import Elastic
@@ -233,7 +234,7 @@ def jump_of_a_newborn_bond(cloud, grid, influence):
     found = []
     for gap in (1e-9, -1e-9):
         moved = position.copy()
-        moved[first] = position[second] + (2.2 + gap) * SPACING * away
+        moved[first] = position[second] + (support(influence, 2.2) + gap) * SPACING * away
         sim = cloud(moved, influence=influence, fixed=1e-7)
         found.append((len(sim.bonds.pairs.ids), sim, moved))
     sim, near = found[0][1], found[1][2]
