@@ -49,7 +49,7 @@ class BodiesContact:
         self._spacing = sim.spacing
         self._ids = None  # of the rebuild that the pairs belong to
         self._present = False  # whether there are pairs on any rank
-        self._ends = np.empty((2, 0), np.int32)
+        self._ends = np.empty((2, 0), np.uint32)
         self.partner, self.spring, self.normal = (f"{k}_{name}" for k in ("partner", "pair_spring", "body_normal"))
 
     def attach(self, p: Particles, forces: ForceChannels) -> None:
@@ -106,7 +106,7 @@ class BodiesContact:
         boxes = [self._bounds(p.position[r[r < p.owned]]) for r in rows]
         lower = np.maximum(boxes[0][0], boxes[1][0]) - reach
         upper = np.minimum(boxes[0][1], boxes[1][1]) + reach
-        self._ends = np.empty((2, 0), np.int32)
+        self._ends = np.empty((2, 0), np.uint32)
         if not (lower > upper).any():  # the same on all ranks
             both = np.concatenate(rows)
             x = p.position[both]

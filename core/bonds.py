@@ -71,6 +71,7 @@ class Bonds:
         self.blocks = [Block(m, k, particles.components) for k, m in enumerate(materials)]
         self.incidence_start = np.zeros(1, np.int64)
         self.incidence = np.empty(0, np.int32)
+        self.initial_stress_is_total = False  # of wet soil: the laws' is that without the water's
         self.initial_stress = None  # function of positions (n, d): stress (n, 4|6) of rows without a past
         for block in self.blocks:
             width = 1 + particles.components + block.columns
@@ -203,7 +204,10 @@ class Bonds:
     def _stress_from_nothing(self, particles, first, second):
         if self.initial_stress is None:
             return np.zeros((len(first), particles.components))
-        return self.initial_stress(0.5 * (particles.position[first] + particles.position[second]))
+        stress = self.initial_stress(0.5 * (particles.position[first] + particles.position[second]))
+        if self.initial_stress_is_total:
+            stress[:, :3] -= 0.5 * (particles.pore_stress[first] + particles.pore_stress[second])[:, None]
+        return stress
 
 
 def _merge(first, second, has_first, has_second, components, block):

@@ -2,7 +2,7 @@
 
 Above a point is what a ray against gravity meets: the layers of its body up to the local surface, and those of
 bodies that rest on it without a gap. The vertical stress is that weight, the horizontal one K0 times it. In wet soil
-that is the total stress, and sigma_bar = sigma + S_r p_w I, with saturation and density of the layers at the start.
+that is the total stress, with the density of the layers at the start; sigma_bar = sigma + S_r p_w I follows from it.
 """
 
 import numpy as np
@@ -21,17 +21,16 @@ def uniform_stress(components, dimension: int):
 
 
 class GeostaticStress:
-    """Effective stress at the start as a function of positions (n, d) m.
+    """Total stress at the start as a function of positions (n, d) m.
 
-    `lattices` are the bodies, `density` (materials,) kg/m^3 that of the wet soil, `pore_stress` (materials,) Pa the
-    initial -S_r p_w (zero if dry), `gravity` (d,) m/s^2 not zero. With a `surface` (level along the direction
-    opposite to gravity, m) the soil of each body's top layer reaches up to there.
+    `lattices` are the bodies, `density` (materials,) kg/m^3 that of the wet soil, `gravity` (d,) m/s^2 not zero. With a
+    `surface` (level along the direction opposite to gravity, m) the soil of each body's top layer reaches up to there.
     """
 
-    def __init__(self, lattices, density, pore_stress, gravity, K0, surface=None):
+    def __init__(self, lattices, density, gravity, K0, surface=None):
         self.strength = float(np.sqrt((gravity**2).sum()))
         self.up = -gravity / self.strength
-        self.profiles = [_Profile(lattice, self.up, density, pore_stress) for lattice in lattices]
+        self.profiles = [_Profile(lattice, self.up, density) for lattice in lattices]
         self.K0 = K0
         self.surface = surface
         self._tolerance = 1e-6 * lattices[0].spacing
@@ -39,19 +38,16 @@ class GeostaticStress:
     def __call__(self, position: np.ndarray) -> np.ndarray:
         """Stress (n, 4|6) Pa."""
         level = _along(position, self.up)
-        weight, water = self._weight_and_water(position, level)
-        vertical = -self.strength * weight
+        vertical = -self.strength * self._weight(position, level)
         stress = np.zeros((len(position), component_count(position.shape[1])))
         up = np.append(self.up, 0.0) if position.shape[1] == 2 else self.up
         for c, (a, b) in enumerate(INDEX_PAIRS[: stress.shape[1]]):
             stress[:, c] = vertical * ((1.0 - self.K0) * up[a] * up[b] + (self.K0 if a == b else 0.0))
-            if a == b:
-                stress[:, c] -= water
         return stress
 
-    def _weight_and_water(self, position, level):
-        """Mass above per area (n,) kg/m^2 and pore stress (n,) Pa of the body that each position is in."""
-        weight, water = np.zeros(len(position)), np.zeros(len(position))
+    def _weight(self, position, level):
+        """Mass above per area, (n,) kg/m^2."""
+        weight = np.zeros(len(position))
         top = np.zeros(len(position))  # how far up the weight has been counted
         found = np.zeros(len(position), bool)
         spans = [(profile, *span) for profile in self.profiles for span in profile.spans(position)]
@@ -60,7 +56,6 @@ class GeostaticStress:
             for profile, begin, end in spans:
                 meets = (begin <= top + self._tolerance) & (end > top)
                 first = meets & ~found
-                water[first] = profile.pore_stress_at(level[first])
                 found |= meets
                 if self.surface is not None:
                     end = np.where(first, np.maximum(self.surface - level, 0.0), top)
@@ -69,18 +64,18 @@ class GeostaticStress:
                 top[meets] = end[meets]
             if (top == before).all():
                 break
-        return weight, water
+        return weight
 
 
 class _Profile:
     """One body: where a ray against gravity leaves it, and its layers."""
 
-    def __init__(self, lattice: Lattice, up, density, pore_stress):
+    def __init__(self, lattice: Lattice, up, density):
         self._lattice = lattice
         self._up = up
         self._edges = np.array([above for above, _ in lattice.layers])
         materials = [lattice.material, *(m for _, m in lattice.layers)]
-        self._density, self._pore_stress = density[materials], pore_stress[materials]
+        self._density = density[materials]
         if isinstance(lattice.body.shape, Points):
             self._columns = _Columns(lattice, up)
 
@@ -93,10 +88,6 @@ class _Profile:
         for lower, higher, density in zip(self._edges, upper, self._density[1:], strict=True):
             mass += density * np.clip(level - lower, 0.0, higher - lower)
         return mass
-
-    def pore_stress_at(self, level):
-        """Initial pore stress (n,) Pa of the layer at `level` (n,)."""
-        return self._pore_stress[np.searchsorted(self._edges, level, side="right")]
 
     def spans(self, position) -> Spans:
         """Distances (n,) along the ray between which it is inside: start and end, end < start where it misses."""

@@ -63,7 +63,7 @@ class RetentionTable:
         self._s, self._y = s, y
         h, slope = np.diff(s), np.diff(y) / np.diff(s)
         product = slope[1:] * slope[:-1]
-        weighted = (h[1:] + 2 * h[:-1]) * slope[1:] + (2 * h[1:] + h[:-1]) * slope[:-1]
+        weighted = (2 * h[1:] + h[:-1]) * slope[1:] + (h[1:] + 2 * h[:-1]) * slope[:-1]
         inner = np.where(product > 0, 3 * (h[1:] + h[:-1]) * product / np.where(product > 0, weighted, 1.0), 0.0)
         self._slope = np.concatenate([slope[:1], inner, slope[-1:]])
 

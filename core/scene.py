@@ -56,6 +56,7 @@ def build(scene, comm) -> Simulation:
     _place_points(scene, comm, particles, materials, water, lattices)
     if scene.initial_stress is not None:
         sim.bonds.initial_stress = _initial_stress(scene, materials, water, lattices)
+        sim.bonds.initial_stress_is_total = water is not None and scene.initial_stress.type == "geostatic"
     sim.stages = [_stage(scene, sim, stage, contacts, lattices) for stage in scene.stages]
     for stage in sim.stages:
         stage.contacts.append(repulsion)
@@ -100,14 +101,14 @@ def _no_points(particles):
 
 
 def _initial_stress(scene, materials, water, lattices):
-    """Effective stress of rows at the start as a function of their places (n, d)."""
+    """Stress of rows at the start as a function of their places (n, d): effective if uniform, total if geostatic."""
     initial = scene.initial_stress
     if initial.type == "uniform":
         return uniform_stress(initial.components, scene.dimension)
-    density, pore_stress = np.array([m.density for m in materials]), np.zeros(len(materials))
+    density = np.array([m.density for m in materials])
     if water is not None:
-        density, pore_stress = water.density(density), water.initial_saturation * water.suction
-    return GeostaticStress(lattices, density, pore_stress, scene.vector(scene.gravity), initial.K0, initial.surface)
+        density = water.density(density)
+    return GeostaticStress(lattices, density, scene.vector(scene.gravity), initial.K0, initial.surface)
 
 
 def _pore_water(scene, materials):

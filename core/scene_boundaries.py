@@ -14,7 +14,7 @@ def build_boundary(scene, name: str, lattices, moving: bool) -> PrescribedMotion
     if sum(len(ids) for _, ids, _ in sites) == 0:
         raise InputError("scene", [Problem(("boundaries", name, "where"), "no point of the scene lies in it")])
     if boundary.traction is not None:
-        ids = np.sort(np.concatenate(_outermost(scene, sites, boundary.traction.side)))
+        ids = np.sort(np.concatenate(list(_outermost(scene, sites, boundary.traction.side))))
         return Traction(ids, np.array(boundary.traction.stress) * scene.spacing ** (scene.dimension - 1))
     ids = np.sort(np.concatenate([ids for _, ids, _ in sites]))
     if boundary.fix:

