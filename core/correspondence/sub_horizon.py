@@ -147,7 +147,7 @@ def _sum_inside(count, inside, terms, sums):
     """
     sums[:] = 0.0
     padded = _padded(count)
-    for k in range(count, _padded(count)):
+    for k in range(count, padded):
         terms[:, k] = 0.0
         inside[k, :padded] = 0.0
     for k in range(0, count, 4):
