@@ -66,7 +66,7 @@ def manufactured(full=False, scheme="bond_projected"):
     """V6: displacement against the exact solution on a grid and on a cloud with 10 % jitter."""
     resolutions = (8, 16, 32, 64) if full else (8, 16)
     figures = []
-    for name, jitter, least in (("grid", 0.0, 1.9), ("10 % jitter", 0.1, 1.0)):
+    for name, jitter, least in (("grid", 0.0, 1.9), ("cloud of 10 % jitter", 0.1, 1.0)):
         errors = [_solution_error(n, jitter, scheme) for n in resolutions]
         listed = [Figure(f"error on the {name}, h = 1/{n}", e) for n, e in zip(resolutions, errors, strict=True)]
         figures += [*listed, Figure(f"order on the {name}", order(errors), at_least=least)]

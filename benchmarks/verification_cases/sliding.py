@@ -1,4 +1,8 @@
-"""V15: a block on an incline and on the level, Coulomb friction."""
+"""V15: a block on an incline and on the level, Coulomb friction.
+
+The contact is damped along its normal: an undamped elastic block that slides takes up ever more vibration from
+friction, which is real but hides the closed form.
+"""
 
 import numpy as np
 
@@ -7,13 +11,14 @@ from .common import GRAVITY, Figure, box, owned, simulation
 ANGLE = np.radians(30.0)
 
 
-def _block(friction, slope, speed, scheme, full, **keys):
+def _block(friction, slope, speed, scheme, full, **stages):
     """An elastic block that just touches a plane, in axes along and across the slope."""
     spacing = 0.005 if full else 0.01
     gravity = [GRAVITY * np.sin(slope), -GRAVITY * np.cos(slope)]
     sim = simulation(
         spacing, box([0.0, 0.0], [0.08, 0.04]), scheme=scheme, gravity=gravity,
-        contacts=[{"type": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "friction": friction, **keys}],
+        contacts=[{"type": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "friction": friction, "damping": 0.2}],
+        **stages,
     )  # fmt: skip
     sim.particles.velocity[:, 0] = speed
     sim.start()
@@ -43,14 +48,15 @@ def incline(full=False, scheme="bond_projected"):
 
 
 def sticking(full=False, scheme="bond_projected"):
-    """V15: with friction 0.7 > tan 30 the block stays where its springs have taken the load."""
-    sim = _block(0.7, ANGLE, 0.0, scheme, full, damping=0.2)
-    _advance(sim, 0.1)
+    """V15: with friction 0.7 > tan 30 the block finds equilibrium on the slope, and stays there."""
+    stages = [{"name": "settle", "type": "relax"}, {"name": "wait", "type": "dynamics", "duration": 1.0 if full else 0.1}]
+    sim = _block(0.7, ANGLE, 0.0, scheme, full, stages=stages)
+    sim.stages[0].run(sim)
     settled = _travel(sim)
-    _advance(sim, 0.3 if full else 0.2)
+    sim.stages[1].run(sim)
     return [
-        Figure("displacement, m", abs(_travel(sim)), at_most=1e-4),
-        Figure("creep after 0.1 s, m/s", abs(_travel(sim) - settled) / (sim.time - 0.1), at_most=1e-6),
+        Figure("displacement until equilibrium, m", abs(settled), at_most=1e-5),
+        Figure("creep after that, m/s", abs(_travel(sim) - settled) / sim.time, at_most=1e-7),
     ]
 
 
@@ -63,5 +69,5 @@ def stopping(full=False, scheme="bond_projected"):
     exact = speed**2 / (2.0 * friction * GRAVITY)
     return [
         Figure("stopping distance, relative error", abs(_travel(sim) / exact - 1.0), at_most=1e-3),
-        Figure("mean speed at the end, / start", abs(owned(sim, "velocity")[:, 0].mean()) / speed, at_most=1e-2),
+        Figure("mean speed at the end, / start", abs(owned(sim, "velocity")[:, 0].mean()) / speed, at_most=1e-3),
     ]

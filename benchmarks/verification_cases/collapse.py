@@ -1,0 +1,57 @@
+"""A whole collapse of a column of Cam-Clay on a rough floor, to rest."""
+
+import importlib.resources
+
+import numpy as np
+from mpi4py import MPI
+
+from periporo.core.observers import Observer
+from periporo.core.scene import build
+from periporo.io.schema import parse_scene
+from periporo.io.yaml_source import read_yaml
+
+from .common import Figure, owned
+
+
+class _Peak(Observer):
+    """The largest kinetic energy of a dynamics stage."""
+
+    def __init__(self):
+        self.kinetic = 0.0
+
+    def after_step(self, sim):
+        """Look now and then."""
+        if not sim.rate_independent and sim.step_number % 100 == 0:
+            self.kinetic = max(self.kinetic, sim.ledger.kinetic())
+
+
+def _deposit(spacing, scheme):
+    """Run-out and height over half of the width, last kinetic energy over its peak, rebuilds, ledger error."""
+    scene = read_yaml(importlib.resources.files("periporo.configs") / "column_collapse.yaml").data
+    sim = build(parse_scene(scene | {"spacing": spacing, "correspondence": scheme}), MPI.COMM_SELF)
+    peak = _Peak()
+    sim.observers.append(peak)
+    sim.start()
+    sim.run()
+    x = owned(sim, "position")
+    connected = owned(sim, "share")[:, 1] > 0.0
+    front = np.quantile(np.abs(x[connected, 0]), 0.99) + spacing / 2.0
+    height = x[connected, 1].max() + spacing / 2.0
+    entries = sim.ledger.entries()
+    unexplained = abs(entries["energy_residual"] - entries["integration_term"]) / max(map(abs, entries.values()))
+    return front / 0.05, height / 0.05, sim.ledger.kinetic() / peak.kinetic, sim.rebuild_count, unexplained
+
+
+def collapse(full=False, scheme="bond_projected"):
+    """A dry column of height and width 0.1 m falls, comes to rest, and its run-out does not depend on the spacing."""
+    coarse, fine = np.array([_deposit(spacing, scheme) for spacing in (0.005, 0.0025)])
+    return [
+        Figure("run-out / half-width, 5 mm", coarse[0]),
+        Figure("run-out / half-width, 2.5 mm", fine[0]),
+        Figure("difference of the run-outs, relative", abs(coarse[0] / fine[0] - 1.0), at_most=0.1),
+        Figure("height / half-width, 5 mm", coarse[1]),
+        Figure("height / half-width, 2.5 mm", fine[1]),
+        Figure("last kinetic energy / peak", max(coarse[2], fine[2]), at_most=1e-5),
+        Figure("neighbour rebuilds", min(coarse[3], fine[3]), at_least=50),
+        Figure("unexplained energy, / largest term", max(coarse[4], fine[4]), at_most=1e-12),
+    ]
