@@ -66,7 +66,7 @@ def _drift(owned, dt, mass, velocity, previous, position, reference, work, force
             for a in range(len(dim)):
                 power += forces[c][i, a] * velocity[i, a]
             work[i, columns[c]] += 0.5 * dt * power
-        if not moved <= largest:  # NaN counts as moved
+        if moved > largest or math.isnan(moved):  # and stays: nothing is larger than NaN
             largest = moved
     return largest
 

@@ -127,6 +127,6 @@ def _largest_square_frequency(owned, springs, stiffness, mass, dim):
     largest = 0.0
     for i in range(owned):
         value = (la.largest_eigenvalue(la.shape_at(springs, i, 0, dim)) + stiffness[i]) / mass[i]
-        if not value <= largest:
+        if value > largest or np.isnan(value):  # and stays: nothing is larger than NaN
             largest = value
     return largest

@@ -1,0 +1,144 @@
+"""Parts of the core on several ranks, each against what one rank would do; prints the names of the checks.
+
+Run as: mpirun -n N python parts.py
+"""
+
+import math
+
+import numpy as np
+from mpi4py import MPI
+
+from periporo.core.domain import bisect
+from periporo.core.halo import Halo, exchange_rows
+from periporo.core.particles import Particles
+from periporo.core.reductions import any_rank, exact_sum, maximum, minimum, quantile
+
+COMM = MPI.COMM_WORLD
+RANK, RANKS = COMM.rank, COMM.size
+N = 500
+
+
+def everyone(seed=0):
+    """Values (N,) of all ranks together, over twelve decades."""
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=N) * 10.0 ** rng.uniform(-6, 6, N)
+
+
+def mine(values, seed=0):
+    """This rank's part of the rows of `values` when they are dealt out at random."""
+    return values[np.random.default_rng(seed).integers(0, RANKS, len(values)) == RANK]
+
+
+def check_sums_do_not_depend_on_the_distribution():
+    values = everyone()
+    for deal in range(5):
+        assert exact_sum(COMM, mine(values, deal))[0] == math.fsum(values)
+    bad = values.copy()
+    bad[17] = np.nan
+    two = np.stack([values, bad], axis=1)
+    total = exact_sum(COMM, mine(two))
+    assert total[0] == math.fsum(values) and math.isnan(total[1])
+
+
+def check_extremes_and_quantiles():
+    values = everyone(1)
+    part = mine(values)
+    assert maximum(COMM, part.max(initial=-np.inf)) == values.max()
+    assert minimum(COMM, part.min(initial=np.inf)) == values.min()
+    assert quantile(COMM, part, 0.9) == np.sort(values)[int(0.9 * N) - 1]
+    assert math.isnan(maximum(COMM, math.nan if RANK == RANKS - 1 else 1.0))
+    assert any_rank(COMM, RANK == RANKS - 1) and not any_rank(COMM, False)
+
+
+def check_bisection_gives_equal_weights():
+    rng = np.random.default_rng(2)
+    for d in (2, 3):
+        position, weight = rng.normal(size=(4000, d)) ** 3, rng.uniform(0.5, 2.0, 4000)
+        domain = bisect(COMM, mine(position), mine(weight))
+        owner = domain.owner(position)
+        loads = np.bincount(owner, weights=weight, minlength=RANKS)
+        assert abs(loads - weight.sum() / RANKS).max() < 2.0 * RANKS  # a point or two at each cut
+        for rank in range(RANKS):
+            assert (domain.distance(rank, position[owner == rank]) == 0.0).all()
+        again = bisect(COMM, mine(position, 1), mine(weight, 1))
+        assert (np.nan_to_num(again.lower) == np.nan_to_num(domain.lower)).all() or RANKS > 1
+
+
+def check_bisection_with_fewer_points_than_ranks():
+    position = np.zeros((1 if RANK == 0 else 0, 2))
+    owner = bisect(COMM, position, np.ones(len(position))).owner(np.zeros((1, 2)))
+    assert 0 <= owner[0] < RANKS
+
+
+def check_rows_arrive_in_the_order_of_their_ranks():
+    outgoing = {r: np.full((RANK + 1, 2), 100.0 * RANK + r) for r in range(RANKS) if r != RANK}
+    rows = exchange_rows(COMM, outgoing, 2)
+    expected = [100.0 * r + RANK for r in range(RANKS) if r != RANK for _ in range(r + 1)]
+    assert rows[:, 0].tolist() == rows[:, 1].tolist() == expected
+
+
+def cloud():
+    """All points, the same on every rank, and this rank's at random."""
+    rng = np.random.default_rng(5)
+    particles = Particles(2)
+    fields = {f.name: rng.normal(size=(N,) if f.columns is None else (N, f.columns)) for f in particles.migrating()}
+    fields = {f.name: fields[f.name].astype(f.dtype) for f in particles.migrating()}
+    fields["id"] = rng.permutation(10 * N)[:N]
+    particles.replace({name: mine(values) for name, values in fields.items()}, 0)
+    return particles, fields
+
+
+def check_migration_and_ghosts(reach=0.3):
+    particles, everything = cloud()
+    by_id = {int(i): k for k, i in enumerate(everything["id"])}
+    halo = Halo(COMM)
+    domain = bisect(COMM, particles.position[: particles.owned], np.ones(particles.owned))
+    owner = domain.owner(particles.position[: particles.owned])
+    leaving = int((owner != RANK).sum())
+    owned = halo.migrate(particles, owner)
+    assert halo.points_migrated == leaving
+    place = everything["id"][domain.owner(everything["position"]) == RANK]
+    assert owned["id"].tolist() == sorted(place.tolist())
+    halo.rebuild(particles, domain, owned, reach)
+    n, total = particles.owned, particles.total
+    rows = [by_id[i] for i in particles.id.tolist()]
+    assert len(set(rows)) == total  # nobody is there twice
+    for name, field in particles.fields.items():
+        array = getattr(particles, name)
+        if field.migrates:
+            count = total if field.sent else n
+            assert (array[:count] == everything[name][rows[:count]]).all()
+    near = domain.distance(RANK, everything["position"]) < reach
+    assert set(everything["id"][near].tolist()) == set(particles.id.tolist())
+    assert set(halo.boundary_rows.tolist()) == set(np.concatenate([*halo.sends.values(), []]).astype(int).tolist())
+    check_update(halo, particles, everything, rows)
+    halo.close()
+
+
+def check_update(halo, particles, everything, rows):
+    """New values of owned rows reach the ghosts, integers and vectors alike, and are counted."""
+    n = particles.owned
+    halo.reset_counters()
+    particles.velocity[:n] = 2.0 * everything["velocity"][rows[:n]]
+    particles.group[:n] = everything["id"][rows[:n]]
+    for _ in range(2):
+        halo.update(particles, "velocity", "group")
+    assert (particles.velocity == 2.0 * everything["velocity"][rows]).all()
+    assert (particles.group == particles.id).all()
+    sent = sum(len(r) for r in halo.sends.values())
+    assert halo.messages_sent == 2 * len(halo.sends) and halo.bytes_sent == 2 * 3 * 8 * sent
+    assert halo.points_migrated == 0
+
+
+if __name__ == "__main__":
+    for name, check in list(globals().items()):
+        if name.startswith("check_") and name != "check_update":
+            try:
+                check()
+            except BaseException:
+                import traceback
+
+                traceback.print_exc()
+                COMM.Abort(1)
+            if RANK == 0:
+                print(name, flush=True)

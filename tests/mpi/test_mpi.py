@@ -1,0 +1,162 @@
+"""Several ranks: the same bits as on one, one voice, and no hang when something fails."""
+
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import yaml
+
+from periporo.core.scene import SCHEMES
+
+HERE = Path(__file__).parent
+CLI = ("-m", "periporo.core.cli")
+
+SOFT_CLAY = {
+    "model": "cam_clay", "grain_density": 2200.0, "porosity": 0.2, "bulk_modulus": 1e5, "shear_modulus": 6e4,
+    "critical_state_slope": 1.1, "compression_index": 0.05, "swelling_index": 0.01, "viscosity": 1000.0,
+    "overconsolidation_ratio": 1.25,
+}  # fmt: skip
+SOFT = {"model": "elastic", "density": 1500.0, "bulk_modulus": 6e4, "shear_modulus": 3e4}
+SAND = {"model": "drucker_prager", "density": 1600.0, "bulk_modulus": 2e5, "shear_modulus": 1e5,
+        "friction_angle": 30.0, "cohesion": 500.0}  # fmt: skip
+
+
+def collapse(scheme="bond_projected", duration=0.15):
+    """A plane column settles between rollers, then falls on a rough floor and against a wall."""
+    return {
+        "dimension": 2, "spacing": 0.01, "gravity": [0.0, -20.0], "correspondence": scheme,
+        "materials": {"soil": SOFT_CLAY},
+        "bodies": [{"name": "column", "material": "soil", "jitter": 0.1,
+                    "shape": {"type": "box", "lower": [-0.05, 0.0], "upper": [0.05, 0.15]}}],
+        "initial_stress": {"type": "geostatic", "K0": 0.7},
+        "boundaries": {"sides": {"where": {"upper": [-0.04, None]}, "fix": ["x"]}},
+        "contacts": [{"type": "plane", "point": [0, 0], "normal": [0, 1], "friction": 0.4, "damping": 0.1},
+                     {"type": "box", "lower": [0.1, -0.1], "upper": [0.12, 0.05], "friction": 0.2}],
+        "stages": [{"name": "settle", "type": "relax", "tolerance": 0.1, "boundaries": ["sides"]},
+                   {"name": "fall", "type": "dynamics", "duration": duration, "damping": {"viscous": 0.5}}],
+        "output": {"interval": duration / 5},
+    }  # fmt: skip
+
+
+def impact():
+    """A cube of sand hits the floor askew."""
+    return {
+        "dimension": 3, "spacing": 0.02, "gravity": [0.0, 0.0, -9.81], "materials": {"sand": SAND},
+        "bodies": [{"name": "cube", "material": "sand", "velocity": [3.0, 1.0, -3.0],
+                    "shape": {"type": "box", "lower": [-0.06, -0.06, 0.02], "upper": [0.06, 0.06, 0.14]}}],
+        "contacts": [{"type": "plane", "point": [0, 0, 0], "normal": [0.1, 0, 1], "friction": 0.3}],
+        "stages": [{"name": "hit", "type": "dynamics", "duration": 0.05}],
+        "output": {"interval": 0.01},
+    }  # fmt: skip
+
+
+def two_soils():
+    """Clay on a soft layer slides down an incline and turns over, in pieces."""
+    return {
+        "dimension": 2, "spacing": 0.01, "gravity": [3.0, -9.81],
+        "materials": {"clay": SOFT_CLAY, "soft": SOFT},
+        "bodies": [{"name": "block", "material": "soft", "velocity": [1.5, -0.5], "jitter": 0.2,
+                    "layers": [{"above": 0.06, "material": "clay"}],
+                    "shape": {"type": "box", "lower": [0.0, 0.0], "upper": [0.12, 0.1]}}],
+        "contacts": [{"type": "plane", "point": [0, 0], "normal": [0.1, 1], "friction": 0.5}],
+        "stages": [{"name": "slide", "type": "dynamics", "duration": 0.12}],
+        "output": {"interval": 0.03},
+    }  # fmt: skip
+
+
+def datasets(path):
+    """All datasets of a result file by name, and the attributes of the run."""
+    found = {}
+    with h5py.File(path) as file:
+        file.visititems(lambda name, item: found.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None)
+        return found, dict(file["Run"].attrs)
+
+
+def simulate(mpirun, folder, scene, ranks):
+    """The datasets and attributes after a run of `scene` on `ranks` ranks."""
+    (folder / "scene.yaml").write_text(yaml.safe_dump(scene))
+    run = mpirun(ranks, *CLI, "scene.yaml", "--quiet", "--no-plot", "--overwrite", folder=folder)
+    assert run.returncode == 0, run.stderr
+    return datasets(folder / "scene.h5")
+
+
+def assert_same_bits(one, several):
+    assert one.keys() == several.keys()
+    for name in one:
+        a, b = one[name], several[name]
+        assert a.dtype == b.dtype and a.shape == b.shape and np.array_equal(a, b, equal_nan=a.dtype.kind == "f"), name
+
+
+@pytest.mark.parametrize("scene", [collapse, impact, two_soils], ids=lambda s: s.__name__)
+def test_results_have_the_same_bits_on_one_to_four_ranks(mpirun, tmp_path, scene):
+    one, alone = simulate(mpirun, tmp_path, scene(), 1)
+    assert alone["rebuilds"] > 50 and alone["migrated_points"] == alone["messages"] == 0
+    assert len(one["VTKHDF/Steps/Values"]) >= 5
+    assert not np.isnan(one["VTKHDF/Points"]).any()
+    for ranks in (2, 3, 4):
+        several, run = simulate(mpirun, tmp_path, scene(), ranks)
+        assert_same_bits(one, several)
+        assert run["ranks"] == ranks and run["rebuilds"] == alone["rebuilds"]
+        assert run["migrated_points"] > 50 and run["messages"] > 0 and run["bytes_sent"] > run["messages"]
+
+
+@pytest.mark.parametrize("scheme", [name for name in SCHEMES if name != "bond_projected"])
+def test_every_scheme_has_the_same_bits_on_three_ranks(mpirun, tmp_path, scheme):
+    scene = collapse(scheme, duration=0.02)
+    one, _ = simulate(mpirun, tmp_path, scene, 1)
+    assert_same_bits(one, simulate(mpirun, tmp_path, scene, 3)[0])
+
+
+def test_more_ranks_than_points(mpirun, tmp_path, scene_of):
+    scene = scene_of(counts=(3, 1), stages=[{"name": "fall", "type": "dynamics", "duration": 2e-3}],
+                     time_step={"fixed": 2e-5})  # fmt: skip
+    one, _ = simulate(mpirun, tmp_path, scene, 1)
+    several, _ = simulate(mpirun, tmp_path, scene, 5)
+    assert len(one["VTKHDF/PointData/id"]) // len(one["VTKHDF/Steps/Values"]) == 3
+    assert_same_bits(one, several)
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 3, 4])
+def test_parts_of_the_core(mpirun, tmp_path, ranks):
+    run = mpirun(ranks, HERE / "parts.py", folder=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert len(run.stdout.split()) == 6
+
+
+def test_a_fault_on_one_rank_ends_the_job_with_its_traceback(mpirun, tmp_path, scene_of):
+    scene = scene_of(stages=[{"name": "fall", "type": "dynamics", "duration": 1e3}])  # hours, unless it is ended
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene))
+    run = mpirun(3, HERE / "program.py", "fault", "scene.yaml", "--quiet", folder=tmp_path, timeout=180)
+    assert run.returncode != 0
+    assert "periporo: rank 1 failed:" in run.stderr and "Traceback" in run.stderr
+    assert "ZeroDivisionError: injected fault" in run.stderr
+    assert "rank 0 failed" not in run.stderr and "rank 2 failed" not in run.stderr
+
+
+def test_only_rank_0_speaks(mpirun, tmp_path, scene_of):
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene_of()))
+    run = mpirun(3, HERE / "program.py", "tap", "scene.yaml", "--no-plot", folder=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert "energy ledger" in run.stdout + run.stderr
+    assert [(tmp_path / f"rank{r}.txt").read_text() for r in (1, 2)] == ["", ""]
+
+
+@pytest.mark.parametrize("word", ["run", "check"])
+def test_bad_input_is_reported_once_and_the_same_as_on_one_rank(mpirun, tmp_path, scene_of, word):
+    (tmp_path / "bad.yaml").write_text(yaml.safe_dump(scene_of(spacing=0.01) | {"spacing": -1.0, "horizn": 2}))
+    runs = [mpirun(ranks, *CLI, word, "bad.yaml", folder=tmp_path) for ranks in (1, 2)]
+    assert [run.returncode for run in runs] == [2, 2]
+    assert runs[0].stderr.strip() == runs[1].stderr.strip() and runs[1].stderr.count("horizn") == 1
+    assert not runs[1].stdout.strip() and "Traceback" not in runs[1].stderr
+    assert [f.name for f in tmp_path.iterdir()] == ["bad.yaml"]
+
+
+def test_an_unwritable_result_is_reported_once_by_all_ranks(mpirun, tmp_path, scene_of):
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene_of()))
+    (tmp_path / "scene.h5").mkdir()
+    began = time.monotonic()
+    run = mpirun(2, *CLI, "scene.yaml", "--quiet", "--overwrite", folder=tmp_path)
+    assert run.returncode == 2 and run.stderr.count("scene.h5") == 1, run.stderr
+    assert "Traceback" not in run.stderr and time.monotonic() - began < 120
