@@ -14,6 +14,9 @@ from periporo.core.jit import kernel
 from periporo.core.particles import Field, Particles
 
 
+_SOON = 1.5  # reaches within which a point counts as one that may touch soon
+
+
 class RigidContact:
     """Contact of all points with one rigid surface.
 
@@ -63,7 +66,7 @@ class RigidContact:
         shift = self._shift(p, time)
         rows = self._near(p, shift)
         gap, _ = self.surface.gap(p.position[rows] - shift)
-        stiffness[rows[gap < 1.5 * self.reach]] += self.stiffness
+        stiffness[rows[gap < _SOON * self.reach]] += self.stiffness
 
     def _shift(self, p, time):
         return np.zeros(p.dimension) if self.velocity is None else time * self.velocity
@@ -74,7 +77,7 @@ class RigidContact:
         if ids is p.id and not ((shift - there) ** 2).sum() > (0.5 * self.skin) ** 2:
             return rows
         gap, _ = self.surface.gap(p.reference_position[: p.owned] - shift)
-        near = ~(gap >= self.reach + self.skin)  # NaN is near
+        near = ~(gap >= _SOON * self.reach + self.skin)  # NaN is near
         rows = np.flatnonzero(near | getattr(p, self.spring).any(axis=1))
         self._chosen = p.id, shift, rows
         return rows

@@ -34,7 +34,7 @@ def build_contact(scene, model, number: int, sim):
         names = [b.name for b in scene.bodies]
         return BodiesContact(str(number), names.index(model.first), names.index(model.second), sim=sim, **law)
     velocity = None if model.velocity is None else scene.vector(model.velocity)
-    return RigidContact(str(number), _surface(model), spacing=spacing, skin=sim.skin, velocity=velocity, **law)
+    return RigidContact(str(number), _surface(model), spacing=spacing, skin=sim.largest_skin, velocity=velocity, **law)
 
 
 def build_repulsion(sim) -> Repulsion:

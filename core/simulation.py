@@ -12,6 +12,7 @@ from periporo.core.reductions import maximum
 from periporo.core.timing import Timing
 
 _MARGIN = 1.0 + 1e-9  # of the ghosts' reach, so that both ranks of a pair list it whatever the rounding
+_OFTEN, _SELDOM = 30, 90  # steps between rebuilds that call for a thicker, or a thinner, skin
 _IMBALANCE = 1.1  # of the bonds per rank, above which space is divided anew
 
 
@@ -28,7 +29,8 @@ class Simulation:
         self.materials = list(materials)
         self.scheme = scheme
         self.spacing = spacing
-        self.skin = skin
+        self.largest_skin = skin
+        self.skin = skin / 3
         self.time_step = time_step
         self.halo = Halo(comm)
         self.bonds = Bonds(particles, self.materials, scheme.rows)
@@ -41,6 +43,7 @@ class Simulation:
         self.loads, self.observers, self.stages = [], [], []
         self.time, self.dt, self.step_number, self.rebuild_count = 0.0, 0.0, 0, 0
         self.rate_independent = False  # quasi-static: viscous laws are given all the time in the world
+        self.rebuilt_at = 0  # step
         self._carry = 0.0  # of the compensated sum of time steps
         self._moved = 0.0
 
@@ -52,6 +55,7 @@ class Simulation:
     def rebuild(self) -> None:
         """Give points to the ranks that own their places, and find ghosts and neighbours anew."""
         p = self.particles
+        self._adapt_skin()
         self._divide()
         owner = self.domain.owner(p.position[: p.owned])
         self.bonds.collect(self.comm, p, owner)
@@ -61,6 +65,18 @@ class Simulation:
         self.bonds.rebuild(p, self.reach)
         self._moved = 0.0
         self.rebuild_count += 1
+        self.rebuilt_at = self.step_number
+
+    def _adapt_skin(self) -> None:
+        """Make the skin thin while points move slowly, so that few pairs are listed in vain.
+
+        Pairs beyond the horizon have no effect at all, so this changes the cost and not a bit of the result.
+        """
+        steps = self.step_number - self.rebuilt_at
+        if steps > _SELDOM:
+            self.skin = max(0.7 * self.skin, 0.1 * self.largest_skin)
+        elif 0 < steps < _OFTEN:
+            self.skin = min(self.skin / 0.7, self.largest_skin)
 
     def _divide(self) -> None:
         """Divide space among the ranks: at first, and when the numbers of bonds have become too unequal."""
