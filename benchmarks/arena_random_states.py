@@ -30,7 +30,7 @@ def random_increments(rng, n):
 def run(total, seed=0, tolerance=1e-3):
     """Dictionary of counts over `total` increments."""
     rng = np.random.default_rng(seed)
-    counts = dict(increments=0, failed=0, not_finite=0, outside=0)
+    counts = dict(increments=0, failed=0, not_finite=0, outside=0, largest_excess=0.0)
     while counts["increments"] < total:
         n = min(GROUP, total - counts["increments"])
         saturation = float(rng.choice([0.0, 1.0, rng.random(), rng.random() ** 4, 1 - rng.random() ** 4]))
@@ -50,7 +50,9 @@ def run(total, seed=0, tolerance=1e-3):
         counts["increments"] += n
         counts["failed"] += int((state[:, 3] > 0).sum())
         counts["not_finite"] += int((~np.isfinite(stress).all(1) | ~np.isfinite(state).all(1)).sum())
-        counts["outside"] += int((material.yield_excess(stress, state) > 1e-6).sum())
+        excess = material.yield_excess(stress, state)
+        counts["outside"] += int((excess > 1e-6).sum())
+        counts["largest_excess"] = max(counts["largest_excess"], float(excess.max()))
     return counts
 
 
