@@ -38,16 +38,17 @@ def _grid(*counts, spacing=0.01, jitter=0.0, seed=3):
 
 
 def _cloud(position, *, laws=None, law_of=None, spacing=0.01, horizon=2.2, influence="cubic", velocity=None,
-           group=None, fixed=None, contacts=(), loads=(), start=True):  # fmt: skip
+           group=None, fixed=None, contacts=(), loads=(), start=True,
+           scheme=BondProjected):  # fmt: skip
     """A simulation on this rank alone of points at `position`, each the cell of a grid of `spacing`.
 
-    `law_of` (n,) the number of each point's law in `laws`; `fixed` a constant time step.
+    `law_of` (n,) the number of each point's law in `laws`; `fixed` a constant time step; `scheme` its class.
     """
     n, dimension = position.shape
     laws = laws or [Elastic.example()]
     particles = Particles(dimension)
-    scheme = BondProjected(horizon * spacing, influence)
-    sim = Simulation(MPI.COMM_SELF, particles, laws, scheme, spacing=spacing, skin=0.3 * spacing,
+    chosen = scheme(horizon * spacing, influence)
+    sim = Simulation(MPI.COMM_SELF, particles, laws, chosen, spacing=spacing, skin=0.3 * spacing,
                      time_step=StableTimeStep(0.8, fixed, 10))  # fmt: skip
     sim.forces.need("external")
     for contact in contacts:
