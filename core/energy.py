@@ -49,10 +49,11 @@ class ForceChannels:
 class Ledger:
     """Energies of the whole scene in J, the same for any number of ranks."""
 
-    def __init__(self, comm, particles: Particles):
+    def __init__(self, comm, particles: Particles, initial_kinetic: float | None = None):
+        """`initial_kinetic` J, the present one if not given."""
         self._comm = comm
         self._particles = particles
-        self.initial_kinetic = self.kinetic()
+        self.initial_kinetic = self.kinetic() if initial_kinetic is None else initial_kinetic
 
     def kinetic(self) -> float:
         """Kinetic energy."""

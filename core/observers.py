@@ -12,11 +12,21 @@ class Observer:
     def start_stage(self, sim, stage) -> None:
         """A stage begins."""
 
+    def resume_stage(self, sim, stage) -> None:
+        """A stage goes on from a checkpoint."""
+
     def after_step(self, sim) -> None:
         """A step is done."""
 
     def finish_stage(self, sim, stage, summary: str) -> None:
         """A stage is over; `summary` says how."""
+
+    def memory(self) -> dict:
+        """What a checkpoint keeps."""
+        return {}
+
+    def recall(self, memory: dict) -> None:
+        """Go on from there."""
 
 
 class ResultObserver(Observer):
@@ -51,6 +61,15 @@ class ResultObserver(Observer):
         """Write the end of a dynamics stage, or of a scene that only relaxes."""
         if hasattr(stage, "duration") or stage is sim.stages[-1]:
             self._write(sim)
+
+    def memory(self) -> dict:
+        """When the next output is due."""
+        return {"stage_interval": self._stage_interval, "next": self._next, "last_step": self._last_step}
+
+    def recall(self, memory: dict) -> None:
+        """Go on from there."""
+        self._stage_interval, self._next = memory["stage_interval"], memory["next"]
+        self._last_step = memory["last_step"]
 
     def _write(self, sim) -> None:
         if self._last_step == sim.step_number:
@@ -88,6 +107,14 @@ class HistoryObserver(Observer):
         """Record the end."""
         self._record(sim)
 
+    def memory(self) -> dict:
+        """The latest figures."""
+        return {"latest": dict(self.latest)}
+
+    def recall(self, memory: dict) -> None:
+        """Go on from there."""
+        self.latest = dict(memory["latest"])
+
     def _record(self, sim) -> None:
         if self.latest.get("step") == sim.step_number:
             return
@@ -120,6 +147,8 @@ class ProgressObserver(Observer):
         """Announce the stage."""
         points = sim.comm.allreduce(sim.particles.owned)
         self.progress.start_stage(stage.name, getattr(stage, "end_time", None), points)
+
+    resume_stage = start_stage
 
     def after_step(self, sim) -> None:
         """Show the state."""

@@ -12,6 +12,7 @@ from periporo.core.energy import WORK
 from periporo.core.reductions import exact_sum
 
 _STEERING, _DECAY, _PATIENCE = 0.1, 0.99, 5
+_REMEMBERED = ("_time", "_first_step", "_steering", "_downhill")
 _DAMPING = WORK.index("damping")
 
 
@@ -29,27 +30,52 @@ class Relaxation:
         self.residual = math.inf
         self.steps = 0
         self._steering, self._downhill = _STEERING, 0
+        self._time, self._first_step = 0.0, 0
 
     def run(self, sim) -> None:
         """Step until `residual` is below the tolerance; time does not advance.
 
         Raises RelaxationError if there is no weight to compare with, or not enough steps.
         """
-        p, time = sim.particles, sim.time
-        sim.rate_independent = True
-        self._set_velocity(p, np.zeros((p.owned, p.dimension)))
-        while not self._in_equilibrium(sim):
-            if self.steps == self.max_steps:
-                raise RelaxationError(
-                    f"stage '{self.name}': out-of-balance force is {self.residual:.3g} of the weight after "
-                    f"{self.steps} steps, not {self.tolerance:.3g}; raise max_steps or tolerance, or let the "
-                    "body collapse in a dynamics stage if it cannot stand"
-                )
+        self.begin(sim)
+        while not self.is_over(sim):
             sim.step()
-            sim.reset_clock(time)
-            self.steps += 1
-        self._set_velocity(p, np.zeros((p.owned, p.dimension)))
+        self.end(sim)
+
+    def begin(self, sim) -> None:
+        """Start from rest."""
+        self._time, self._first_step = sim.time, sim.step_number
+        sim.rate_independent = True
+        self._set_velocity(sim.particles, np.zeros((sim.particles.owned, sim.particles.dimension)))
+
+    def is_over(self, sim) -> bool:
+        """Whether equilibrium is reached; if not, steer the velocities for the next step."""
+        sim.reset_clock(self._time)
+        self.steps = sim.step_number - self._first_step
+        if self._in_equilibrium(sim):
+            return True
+        if self.steps == self.max_steps:
+            raise RelaxationError(
+                f"stage '{self.name}': out-of-balance force is {self.residual:.3g} of the weight after "
+                f"{self.steps} steps, not {self.tolerance:.3g}; raise max_steps or tolerance, or let the "
+                "body collapse in a dynamics stage if it cannot stand"
+            )
+        return False
+
+    def end(self, sim) -> None:
+        """End at rest."""
+        self._set_velocity(sim.particles, np.zeros((sim.particles.owned, sim.particles.dimension)))
         sim.rate_independent = False
+
+    def memory(self) -> dict:
+        """What a checkpoint keeps."""
+        return {name: getattr(self, name) for name in _REMEMBERED}
+
+    def recall(self, sim, memory: dict) -> None:
+        """Go on from there."""
+        for name in _REMEMBERED:
+            setattr(self, name, memory[name])
+        sim.rate_independent = True
 
     def _in_equilibrium(self, sim) -> bool:
         """Measure the residual and steer the velocities."""

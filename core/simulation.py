@@ -14,6 +14,7 @@ from periporo.core.timing import Timing
 _MARGIN = 1.0 + 1e-9  # of the ghosts' reach, so that both ranks of a pair list it whatever the rounding
 _OFTEN, _SELDOM = 30, 90  # steps between rebuilds that call for a thicker, or a thinner, skin
 _IMBALANCE = 1.1  # of the bonds per rank, above which space is divided anew
+_REMEMBERED = ("time", "_carry", "dt", "step_number", "stage_number", "skin", "rebuild_count", "rebuilt_at")
 
 
 class Simulation:
@@ -41,6 +42,8 @@ class Simulation:
         self.timing = Timing()
         self.prescribed_motions, self.point_processes, self.contacts = [], [], []
         self.loads, self.observers, self.stages = [], [], []
+        self.guards = []  # what may write a checkpoint, stop the run, or take it back: see `periporo.core.watchdog`
+        self.stage_number = 0
         self.time, self.dt, self.step_number, self.rebuild_count = 0.0, 0.0, 0, 0
         self.rate_independent = False  # quasi-static: viscous laws are given all the time in the world
         self.rebuilt_at = 0  # step
@@ -52,6 +55,11 @@ class Simulation:
         """Distance within which pairs are listed, m."""
         return self.scheme.horizon + self.skin
 
+    @property
+    def ghost_reach(self) -> float:
+        """Distance within which a rank needs the points of others, m."""
+        return self.reach * _MARGIN
+
     def rebuild(self) -> None:
         """Give points to the ranks that own their places, and find ghosts and neighbours anew."""
         p = self.particles
@@ -61,7 +69,7 @@ class Simulation:
         self.bonds.collect(self.comm, p, owner)
         owned = self.halo.migrate(p, owner)
         owned["reference_position"] = owned["position"].copy()
-        self.halo.rebuild(p, self.domain, owned, self.reach * _MARGIN)
+        self.halo.rebuild(p, self.domain, owned, self.ghost_reach)
         self.bonds.rebuild(p, self.reach)
         self._moved = 0.0
         self.rebuild_count += 1
@@ -176,7 +184,18 @@ class Simulation:
         self.ledger = Ledger(self.comm, self.particles)
         self.dt = self.time_step.choose(self)
 
-    def run(self) -> None:
-        """Go through all stages."""
-        for stage in self.stages:
-            stage.run(self)
+    def run(self, resumed: bool = False) -> None:
+        """Go through all stages; from the middle of one, if the state was put back from a checkpoint."""
+        for number in range(self.stage_number, len(self.stages)):
+            self.stage_number = number
+            self.stages[number].run(self, resumed)
+            resumed = False
+
+    def memory(self) -> dict:
+        """What a checkpoint keeps of clocks and counters; the same on all ranks."""
+        return {name: getattr(self, name) for name in _REMEMBERED} | {"initial_kinetic": self.ledger.initial_kinetic}
+
+    def recall(self, memory: dict) -> None:
+        """Set the clocks and counters back."""
+        for name in _REMEMBERED:
+            setattr(self, name, memory[name])

@@ -17,6 +17,7 @@ from periporo.io.geometry import uniform
 _LANCZOS_STEPS = 12
 _DRIFT = 0.1  # relative change of the local estimate after which the ratio is measured again
 _LONGEST = 200  # steps after which it is measured again in any case
+_REMEMBERED = ("ratio", "reduction", "_calibrated_at", "_calibrated_in")
 
 
 class StableTimeStep:
@@ -27,6 +28,7 @@ class StableTimeStep:
         self.fixed = fixed
         self.interval = interval
         self.ratio = 1.0  # exact over local frequency
+        self.reduction = 1.0  # after a failure the run is careful for a while
         self._calibrated_at = 0.0
         self._calibrated_in = 0  # step
 
@@ -37,7 +39,7 @@ class StableTimeStep:
     def choose(self, sim) -> float:
         """The time step (s) for the present configuration."""
         if self.fixed is not None:
-            return self.fixed
+            return self.fixed * self.reduction
         local = local_frequency(sim, sim.contacts)
         drifted = not abs(local - self._calibrated_at) <= _DRIFT * self._calibrated_at
         if drifted or sim.step_number >= self._calibrated_in + _LONGEST:
@@ -46,7 +48,16 @@ class StableTimeStep:
             self._calibrated_at, self._calibrated_in = local, sim.step_number
         if local == 0.0:
             raise ValueError("time_step: no point has a bond or a contact, so nothing limits it; set 'fixed'")
-        return self.safety * 2.0 / (self.ratio * local)
+        return self.reduction * self.safety * 2.0 / (self.ratio * local)
+
+    def memory(self) -> dict:
+        """What a checkpoint keeps."""
+        return {name: getattr(self, name) for name in _REMEMBERED}
+
+    def recall(self, memory: dict) -> None:
+        """Set it back."""
+        for name in _REMEMBERED:
+            setattr(self, name, memory[name])
 
 
 def local_frequency(sim, contacts) -> float:
