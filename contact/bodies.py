@@ -12,9 +12,10 @@ surface than the scheme's influence),
 and a pair's normal n, from the first to the second, is along -a_i or a_j: the one that sees the points farther
 apart, xi.n, since two bodies are apart when the surface of one of them separates them, and a corner's normal says
 nothing about the face that it stands on. Where a falls below 0.1 the line between the points, xi, makes up for the
-rest. With overlap h = spacing - xi.n and the distance t across the normal, the pair's normal force is k c (1 - |t|/spacing) h n:
-the hats of a flat lattice add up to one in the plane, and to pi/3 on average in space, which c makes good. It comes
-with the small force across the normal that makes the pair's energy k c (1 - |t|/spacing) h^2 / 2 a potential.
+rest. With overlap h = spacing - xi.n and the distance t across the normal, the pair's normal force is
+k c (1 - |t|/spacing) h n: the hats of a flat lattice add up to one in the plane, and to pi/3 on average in space,
+which c makes good. It comes with the small force across the normal that makes the pair's energy
+k c (1 - |t|/spacing) h^2 / 2 a potential.
 The tangential force is a spring of the same stiffness from where the pair began to stick, cut to friction times
 the normal force. Forces on the two points are opposite.
 """
@@ -92,7 +93,8 @@ class BodiesContact:
     def add_stiffness(self, p: Particles, time: float, stiffness: np.ndarray) -> None:
         """Add the contact's stiffness (N/m) to `stiffness` (owned,) of the points that may touch."""
         self._find_pairs(p)
-        ends = np.unique(self._ends)
+        square = ((p.position[self._ends[1]] - p.position[self._ends[0]]) ** 2).sum(axis=1)
+        ends = np.unique(self._ends[:, square < 2.0 * self._spacing**2])
         # a pair of equal points has twice the square frequency of a point at a wall
         stiffness[ends[ends < p.owned]] += 2.0 * self.stiffness
 

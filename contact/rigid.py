@@ -13,7 +13,6 @@ from periporo.core.energy import ForceChannels
 from periporo.core.jit import kernel
 from periporo.core.particles import Field, Particles
 
-
 _SOON = 1.5  # reaches within which a point counts as one that may touch soon
 
 
@@ -67,6 +66,14 @@ class RigidContact:
         rows = self._near(p, shift)
         gap, _ = self.surface.gap(p.position[rows] - shift)
         stiffness[rows[gap < _SOON * self.reach]] += self.stiffness
+
+    def memory(self) -> dict:
+        """What a checkpoint keeps."""
+        return {"time": self._time}
+
+    def recall(self, memory: dict) -> None:
+        """Go on from there."""
+        self._time = memory["time"]
 
     def _shift(self, p, time):
         return np.zeros(p.dimension) if self.velocity is None else time * self.velocity

@@ -63,12 +63,12 @@ class Retention(SceneModel):
 
 
 class PoreWater(SceneModel):
-    """Water in the pores, at constant suction or, frozen, with constant saturation."""
+    """Water in the pores at constant suction; it flows in and out freely or, frozen, not at all."""
 
     suction: Real = key("suction", "Pa", ge=0, le=1e9)
     retention: Retention = key("the retention curve")
     water_density: Real = key("density of the water", "kg/m^3", default=1000.0, ge=1, le=1e5)
-    frozen: Flag = key("keep the saturation of the start", default=False)
+    frozen: Flag = key("keep saturation and mass of the water as they are at the start", default=False)
 
 
 class RelaxStage(SceneModel):

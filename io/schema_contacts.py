@@ -112,7 +112,10 @@ class DiscContact(_Obstacle):
 
 
 class PolylineContact(_Obstacle):
-    """A rigid surface along a polyline (2D); points stay on its left along its vertices."""
+    """Rigid ground to the right of a polyline (2D): points stay on its left along its vertices.
+
+    Its first and last segment go on forever, unless the last vertex is the first.
+    """
 
     type: Literal["polyline"] = key("kind of contact")
     vertices: tuple[PlanePoint, ...] = key("points [x, y] in order", "m", min_length=2, max_length=10_000)
@@ -126,7 +129,7 @@ class PolylineContact(_Obstacle):
 
 
 class BodiesContact(_Contact):
-    """Contact between two deformable bodies."""
+    """Contact between two deformable bodies, which then bond with no other body."""
 
     type: Literal["bodies"] = key("kind of contact")
     first: Name = key("name of a body")

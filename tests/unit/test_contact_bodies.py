@@ -67,7 +67,7 @@ def test_a_block_slides_on_a_deformable_base(friction):
 def test_two_bodies_collide_and_part(dimension):
     n = dimension
     scene = {
-        "dimension": n, "spacing": H, "materials": {"soil": SOFT},
+        "dimension": n, "spacing": H, "materials": {"soil": SOFT}, "time_step": {"safety": 0.4},
         "bodies": [{"name": "a", "material": "soil", "velocity": [2.0] + [0.0] * (n - 1),
                     "shape": {"type": "box", "lower": [0.0] * n, "upper": [0.1] + [0.1] * (n - 1)}},
                    {"name": "b", "material": "soil",
@@ -78,7 +78,7 @@ def test_two_bodies_collide_and_part(dimension):
     sim = started(scene)
     momentum = (sim.particles.mass[:, None] * sim.particles.velocity).sum(axis=0)
     lowest = np.inf
-    while sim.time < 0.03:
+    while sim.time < 0.02:
         sim.step()
         lowest = min(lowest, sim.ledger.entries()["kinetic_energy"] / sim.ledger.initial_kinetic)
     p = sim.particles
@@ -87,7 +87,7 @@ def test_two_bodies_collide_and_part(dimension):
     # equal bodies exchange their speeds, but for what remains as vibration
     assert lowest < 0.8 and b[0] > 1.5 and a[0] < 0.5
     energies = sim.ledger.entries()
-    # apart again; the normals turn during an impact, which no potential knows of
+    # apart again; normals and sticking turn during an impact, which no potential knows of
     assert abs(energies["contact_energy"]) < 0.03 * sim.ledger.initial_kinetic
     assert not p.partner_0.any() and not p.pair_spring_0.any()
     assert abs(energies["energy_residual"] - energies["integration_term"]) < 1e-12 * sim.ledger.initial_kinetic

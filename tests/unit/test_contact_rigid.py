@@ -164,7 +164,7 @@ def test_a_point_rolls_off_a_disc_and_around_a_corner_without_loss():
 
 def test_only_points_near_the_surface_are_looked_at():
     contact = RigidContact("0", FLOOR, spacing=H, skin=0.03, stiffness=K, friction=0.5)
-    rig = Rig(contact, [[0.0, 0.049], [0.0, 0.079], [0.0, 0.081]])
+    rig = Rig(contact, [[0.0, 0.049], [0.0, 0.104], [0.0, 0.106]])
     assert contact._near(rig.p, np.zeros(2)).tolist() == [0, 1]
     stiffness = np.zeros(3)
     contact.add_stiffness(rig.p, 0.0, stiffness)
