@@ -1,0 +1,54 @@
+"""The verification cases: each a function of (full, scheme) that returns its figures."""
+
+from dataclasses import dataclass
+
+from . import closed_forms, collapse, columns, energy, kinematics, manufactured, motion, sliding, waves
+from .common import Figure
+
+SCHEMES = ("bond_projected", "sub_horizon", "standard", "sub_horizon_published")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A row of the table; its first docstring line says what it is."""
+
+    name: str
+    function: callable
+    schemes: tuple[str, ...] = SCHEMES[:1]
+
+    def run(self, full: bool, scheme: str) -> list[Figure]:
+        """The figures, at full or at small size."""
+        return self.function(full=full, scheme=scheme)
+
+    @property
+    def what(self) -> str:
+        """What is compared."""
+        return self.function.__doc__.splitlines()[0].partition(": ")[2].rstrip(".")
+
+
+CASES = (
+    Case("V1", kinematics.affine_velocity, SCHEMES),
+    Case("V2", kinematics.rigid_turns, SCHEMES),
+    Case("V2", motion.spinning_disc),
+    Case("V2", motion.tumbling_block),
+    Case("V3", motion.spectrum),
+    Case("V3", motion.stability),
+    Case("V4", energy.ledger),
+    Case("V4", energy.virtual_power, SCHEMES[:3]),
+    Case("V4", energy.stress_work),
+    Case("V5", waves.wave_speed),
+    Case("V6", manufactured.manufactured),
+    Case("V7", columns.self_weight),
+    Case("V8", columns.sudden_weight),
+    Case("V9", motion.cantilever),
+    Case("V9", motion.swinging_beam),
+    Case("V10", kinematics.simple_shear),
+    Case("V11", closed_forms.isotropic_compaction),
+    Case("V12", closed_forms.constant_pressure_shear),
+    Case("V13", closed_forms.undrained_critical_state),
+    Case("V14", closed_forms.oedometer),
+    Case("V15", sliding.incline),
+    Case("V15", sliding.sticking),
+    Case("V15", sliding.stopping),
+    Case("collapse", collapse.collapse),
+)
