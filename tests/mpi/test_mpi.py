@@ -23,7 +23,7 @@ SAND = {"model": "drucker_prager", "density": 1600.0, "bulk_modulus": 2e5, "shea
         "friction_angle": 30.0, "cohesion": 500.0}  # fmt: skip
 
 
-def collapse(scheme="bond_projected", duration=0.15):
+def collapse(scheme="bond_projected", duration=0.12):
     """A plane column settles between rollers, then falls on a rough floor and against a wall."""
     return {
         "dimension": 2, "spacing": 0.01, "gravity": [0.0, -20.0], "correspondence": scheme,
@@ -31,10 +31,11 @@ def collapse(scheme="bond_projected", duration=0.15):
         "bodies": [{"name": "column", "material": "soil", "jitter": 0.1,
                     "shape": {"type": "box", "lower": [-0.05, 0.0], "upper": [0.05, 0.15]}}],
         "initial_stress": {"type": "geostatic", "K0": 0.7},
-        "boundaries": {"sides": {"where": {"upper": [-0.04, None]}, "fix": ["x"]}},
+        "boundaries": {"left": {"where": {"upper": [-0.04, None]}, "fix": ["x"]},
+                       "right": {"where": {"lower": [0.04, None]}, "fix": ["x"]}},
         "contacts": [{"type": "plane", "point": [0, 0], "normal": [0, 1], "friction": 0.4, "damping": 0.1},
                      {"type": "box", "lower": [0.1, -0.1], "upper": [0.12, 0.05], "friction": 0.2}],
-        "stages": [{"name": "settle", "type": "relax", "tolerance": 0.1, "boundaries": ["sides"]},
+        "stages": [{"name": "settle", "type": "relax", "tolerance": 0.1, "boundaries": ["left", "right"]},
                    {"name": "fall", "type": "dynamics", "duration": duration, "damping": {"viscous": 0.5}}],
         "output": {"interval": duration / 5},
     }  # fmt: skip

@@ -1,0 +1,267 @@
+"""The command line, in process: results, refusals on one screen, exit status."""
+
+import copy
+import os
+import random
+import subprocess
+import sys
+from importlib import resources
+
+import h5py
+import pytest
+import yaml
+
+from periporo.core import cli
+from periporo.core.simulation import Simulation
+from periporo.io.input_errors import SCREEN_LINES, SCREEN_WIDTH
+
+
+@pytest.fixture
+def call(tmp_path, monkeypatch, capsys):
+    """The function that runs a command line in an empty folder: exit status, standard output and error."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words):
+        try:
+            status = cli.main([str(w) for w in words])
+        except SystemExit as stop:
+            status = stop.code
+        return (status, *capsys.readouterr())
+
+    return run
+
+
+@pytest.fixture
+def scene(scene_of, tmp_path):
+    """The function that writes a scene, with changes, to scene.yaml."""
+
+    def write(**keys):
+        (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene_of() | keys))
+        return "scene.yaml"
+
+    return write
+
+
+def assert_refused(result, folder, *words, left=("scene.yaml",), width=SCREEN_WIDTH + 10):
+    """One screen on standard error, after "periporo: ", that holds the words; nothing else, and no file written."""
+    status, out, error = result
+    assert status == 2 and out == ""
+    lines = error.splitlines()
+    assert 1 <= len(lines) <= SCREEN_LINES + 1 and max(map(len, lines)) <= width
+    assert "Traceback" not in error
+    for word in words:
+        assert word in error, error
+    assert sorted(p.name for p in folder.iterdir()) == sorted(left)
+
+
+def test_a_scene_runs_from_its_file(call, scene, tmp_path):
+    status, out, error = call(scene(), "--no-plot")
+    text = out + error
+    assert status == 0
+    for word in ("energy ledger", "kinetic energy", "unexplained", "run-out", "height", "results: scene.h5"):
+        assert word in text
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["scene.h5", "scene.yaml"]
+    with h5py.File("scene.h5") as file:
+        run = dict(file["Run"].attrs)
+        assert run["ranks"] == 1 and run["rebuilds"] >= 1 and run["messages"] == run["migrated_points"] == 0
+        assert yaml.safe_load(run["configuration"])["spacing"] == 0.01
+        assert all(name in run["versions"] for name in ("periporo", "numpy", "numba", "h5py", "mpi4py"))
+        assert run["wall_time_s"] > 0.0 and "strain" in yaml.safe_load(run["timing"])
+        assert file["History/time"][-1] >= 1e-3
+        assert set(file["VTKHDF/PointData"]) == {"id", "displacement", "velocity", "stress", "equivalent_shear_strain",
+                                                "volumetric_strain", "material", "body"}  # fmt: skip
+
+
+def test_quiet_says_nothing_about_progress(call, scene):
+    status, out, error = call("run", scene(), "--no-plot", "--quiet")
+    assert status == 0 and out + error == ""
+
+
+def test_pictures_are_drawn_unless_told_not_to(call, scene, tmp_path):
+    pytest.importorskip("matplotlib")
+    status, out, error = call(scene())
+    assert status == 0 and "picture: " in out + error and list(tmp_path.glob("*.png"))
+
+
+def test_output_options(call, scene):
+    options = {"file": "other.h5", "fields": ["density", "internal_force"], "interval": 5e-4, "history_interval": 1}
+    assert call(scene(output=options), "--no-plot", "--quiet")[0] == 0
+    with h5py.File("other.h5") as file:
+        assert set(file["VTKHDF/PointData"]) == {"id", "density", "internal_force"}
+        assert file["VTKHDF/Steps"].attrs["NSteps"] in (3, 4)
+        steps = file["History/step"][:]
+        assert steps.tolist() == list(range(len(steps)))
+
+
+def test_existing_results_are_kept_unless_told_to_replace_them(call, scene, tmp_path):
+    scene()
+    (tmp_path / "scene.h5").write_bytes(b"precious")
+    result = call("scene.yaml", "--quiet")
+    assert_refused(result, tmp_path, "scene.h5", "--overwrite", left=("scene.h5", "scene.yaml"), width=300)
+    assert (tmp_path / "scene.h5").read_bytes() == b"precious"
+    assert call("scene.yaml", "--quiet", "--no-plot", "--overwrite")[0] == 0
+    assert h5py.is_hdf5(tmp_path / "scene.h5")
+
+
+def test_check_says_what_a_scene_will_cost_and_writes_nothing(call, scene, tmp_path):
+    status, out, error = call("check", scene())
+    assert status == 0 and error == ""
+    for word in ("scene.yaml: valid", "points        80,", "memory", "time step", "about", "run time"):
+        assert word in out
+    assert [p.name for p in tmp_path.iterdir()] == ["scene.yaml"]
+
+
+@pytest.mark.parametrize("word", ["run", "check"])
+def test_a_missing_file(call, tmp_path, word):
+    assert_refused(call(word, "nowhere.yaml"), tmp_path, "nowhere.yaml", "no such file", left=())
+
+
+def test_yaml_syntax(call, tmp_path):
+    (tmp_path / "scene.yaml").write_text("dimension: 2\nspacing: [1, 2\nhorizon: 3\n")
+    assert_refused(call("scene.yaml"), tmp_path, "scene.yaml", "line 3")
+
+
+SOIL = {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
+
+
+def body(name="block", lower=(0.0, 0.0), upper=(0.1, 0.1)):
+    return {"name": name, "material": "soil", "shape": {"type": "box", "lower": [*lower], "upper": [*upper]}}
+
+
+BAD = {
+    "unknown key": ({"horizn": 2.0}, ["horizn", "did you mean 'horizon'?"]),
+    "wrong type": ({"spacing": "wide"}, ["spacing", "wide"]),
+    "negative stiffness": ({"materials": {"soil": SOIL | {"bulk_modulus": -1.0}}}, ["bulk_modulus", "-1"]),
+    "unknown law": ({"materials": {"soil": SOIL | {"model": "elastc"}}}, ["soil.model", "did you mean", "'elastic'"]),
+    "overlap": ({"bodies": [body(), body("other", (0.05, 0.05), (0.2, 0.2))]}, ["block", "bodies[1].shape", "overlap"]),
+    "empty body": ({"bodies": [body(upper=(0.0, 0.1))]}, ["bodies[0].shape.upper", "must exceed"]),
+    "spacing larger than the body": ({"spacing": 1.0}, ["bodies[0].shape", "less than one spacing (1 m)"]),
+    "nothing where a boundary holds": (
+        {"boundaries": {"wall": {"where": {"lower": [9.0, None]}, "fix": ["x"]}},
+         "stages": [{"name": "a", "type": "dynamics", "duration": 1e-3, "boundaries": ["wall"]}]}, ["wall"]),
+    "unknown field": ({"output": {"fields": ["stres"]}}, ["stres", "stress"]),
+    "path out of the folder": ({"output": {"file": "../scene.h5"}}, ["../scene.h5"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("word", ["run", "check"])
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input(call, scene, tmp_path, word, case):
+    changes, words = BAD[case]
+    assert_refused(call(word, scene(**changes)), tmp_path, *words)
+
+
+def test_an_unwritable_output(call, scene, tmp_path):
+    """A folder that cannot be made, since a file stands in its place; also for root."""
+    scene(output={"file": "taken/scene.h5"})
+    (tmp_path / "taken").write_text("")
+    assert_refused(call("scene.yaml", "--quiet"), tmp_path, "taken", left=("scene.yaml", "taken"), width=300)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_read_only_folder(call, scene, tmp_path):
+    scene()
+    tmp_path.chmod(0o500)
+    try:
+        assert_refused(call("scene.yaml", "--quiet"), tmp_path, "scene.h5", width=300)
+    finally:
+        tmp_path.chmod(0o700)
+
+
+def test_a_column_that_cannot_come_to_rest_fails_with_status_3(call, scene):
+    stages = [{"name": "settle", "type": "relax", "tolerance": 1e-10, "max_steps": 5}]
+    status, _, error = call(scene(stages=stages), "--quiet", "--no-plot")
+    assert status == 3 and "stage 'settle'" in error and "max_steps" in error and "Traceback" not in error
+
+
+def test_command_line_mistakes(call):
+    for words in ((), ("run",), ("scene.yaml", "--overwrit3"), ("plot",)):
+        status, _, error = call(*words)
+        assert status == 2 and "usage: periporo" in error
+    status, out, _ = call("--help")
+    assert status == 0 and all(tool in out for tool in ("run", "check", *cli.TOOLS))
+
+
+@pytest.mark.parametrize("tool", [name for name in cli.TOOLS if name != "drive"])
+def test_tools_refuse_a_file_that_is_not_there(call, tool):
+    second = ["other.h5"] if tool == "compare" else []
+    status, _, error = call(tool, "nowhere.h5", *second)
+    assert status == 2 and error.startswith(f"periporo {tool}: ") and "nowhere.h5" in error
+
+
+def test_tools_work_on_a_result(call, scene):
+    assert call(scene(), "--quiet", "--no-plot")[0] == 0
+    status, out, _ = call("info", "scene.h5")
+    assert status == 0 and "stress" in out
+    assert call("compare", "scene.h5", "scene.h5")[0] == 0
+
+
+def test_foreign_launcher_is_told_apart(call, scene, monkeypatch):
+    monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "4")
+    status, _, error = call(scene())
+    assert status == 2 and "Open MPI's mpirun as 4 processes" in error and "mpirun that belongs to it" in error
+
+
+def test_console_script_and_module_are_the_same(tmp_path):
+    script = "import sys; from periporo.core.cli import main; sys.exit(main())"
+    for command in (["-m", "periporo.core.cli"], ["-c", script]):
+        run = subprocess.run([sys.executable, *command, "nowhere.yaml"], cwd=tmp_path, capture_output=True, text=True,
+                             timeout=120)  # fmt: skip
+        assert run.returncode == 2 and "no such file" in run.stderr and run.stdout == ""
+
+
+def places(value, path=()):
+    """Paths of everything in a nest of mappings and lists."""
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for part, entry in list(items):
+        yield (*path, part)
+        yield from places(entry, (*path, part))
+
+
+def shipped():
+    folder = resources.files("periporo.configs")
+    return sorted(f.name for f in folder.iterdir() if f.name.endswith(".yaml"))
+
+
+class Accepted(Exception):
+    """The scene was found valid, and would now run."""
+
+
+def mutated(original, draw):
+    """A copy of a scene with one entry replaced, removed or renamed."""
+    wrong = [None, True, -1.0, 0, 1e300, float("nan"), "text", "", [], {}, [1.0], {"a": 1}, "../x.h5", "\u202e", 10**30]
+    damaged = copy.deepcopy(original)
+    path = draw.choice(list(places(original)))
+    parent = damaged
+    for part in path[:-1]:
+        parent = parent[part]
+    action = draw.choice(["replace", "replace", "remove", "rename"])
+    if action == "replace":
+        parent[path[-1]] = draw.choice(wrong)
+    elif action == "remove" or isinstance(parent, list):
+        del parent[path[-1]]
+    else:
+        parent[str(path[-1]) + "x"] = parent.pop(path[-1])
+    return damaged
+
+
+@pytest.mark.parametrize("config", shipped())
+def test_damaged_scenes_are_refused_or_valid_but_never_crash(call, tmp_path, monkeypatch, config):
+    """A hundred mutations of each shipped scene, up to where it would start; nothing is written."""
+
+    def stop(sim):
+        raise Accepted
+
+    monkeypatch.setattr(Simulation, "start", stop)
+    original = yaml.safe_load((resources.files("periporo.configs") / config).read_text())
+    draw, refused = random.Random(config), 0
+    for _ in range(100):
+        (tmp_path / "scene.yaml").write_text(yaml.safe_dump(mutated(original, draw), allow_unicode=True))
+        try:
+            result = call("check", "scene.yaml")
+        except Accepted:
+            continue
+        refused += 1
+        assert_refused(result, tmp_path, "scene.yaml")
+        assert "pydantic" not in result[2]
+    assert refused > 60
