@@ -182,7 +182,7 @@ def plot_growth(plt, rows, path):
         place = [list(SCHEMES).index(r["scheme"]) + 0.12 * (2 * (d - 2) + (jitter > 0)) - 0.18 for r in own]
         axes.plot(place, [max(r["growth"], 1e-12) for r in own], mark, ms=4, mfc="none", label=label)
     axes.set_yscale("log")
-    axes.set_xticks(range(len(SCHEMES)), SCHEMES)
+    axes.set_xticks(range(len(SCHEMES)), [s.replace(", ", ",\n") for s in SCHEMES])
     axes.set_ylabel("growth rate / highest frequency (1e-12: none)")
     axes.legend(ncols=2)
     figure.savefig(path, dpi=130)
@@ -203,10 +203,10 @@ def plot_modes(plt, spectra, path):
 def plot_runs(plt, runs, path):
     """Kinetic energy of the free block."""
     figure, axes = plt.subplots(figsize=(8, 4.2), layout="constrained")
-    for label, (step, energy) in runs.items():
-        axes.semilogy(step, energy, label=label)
-    axes.set(xlabel="time step", ylabel="kinetic energy / start", ylim=(1e-3, 1e6))
-    axes.legend()
+    for number, (label, (step, energy)) in enumerate(runs.items()):
+        axes.loglog(step, energy, "-" if number < 10 else "--", lw=1, label=label)
+    axes.set(xlabel="time step", ylabel="kinetic energy / start", ylim=(1e-1, 1e6))
+    axes.legend(fontsize=8, loc="upper left")
     figure.savefig(path, dpi=130)
 
 

@@ -12,7 +12,7 @@ from numba.extending import overload
 
 from periporo.core import algebra as la
 from periporo.core.algebra import LANES
-from periporo.core.jit import inlined
+from periporo.core.jit import inlined, kernel
 
 
 def midpoint_gradient(g):
@@ -36,19 +36,6 @@ def rotation(spin, fraction):
 
 def rotated(s, h):
     """H s H^T of a symmetric tensor row (4|6)."""
-
-
-@inlined
-def deform_row(g, r, stress, strain_increment, state, tensors, dim):
-    """Strain increment of row r from G' = dt L (a matrix tuple); its stress and tensor state turn to the end."""
-    g = midpoint_gradient(g)
-    spin = spin_of(g)
-    la.store(strain_increment, r, 0, rotated(strain_of(g), rotation(spin, 0.5)))
-    whole = rotation(spin, 1.0)
-    la.store(stress, r, 0, rotated(la.symmetric_at(stress, r, 0, dim), whole))
-    for t in range(tensors.shape[0]):
-        c = tensors[t]
-        la.store(state, r, c, rotated(la.symmetric_at(state, r, c, dim), whole))
 
 
 @inlined
@@ -94,6 +81,24 @@ def turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, di
             spin = la.from_lane(tile, n + 2 * c, k, la.zero_spin(dim))
             turned = rotated(la.symmetric_at(state, r, tensors[t], dim), rotation(spin, 1.0))
             la.store(state, r, tensors[t], turned)
+
+
+@kernel
+def strain_rows(source, active, gradient, dt, stress, strain_increment, state, tensors, dim):
+    """Strain increment over `dt` of rows that have the velocity gradient in row source[r] of `gradient`.
+
+    Stress and tensor state of active rows turn to the end of the step; inactive rows have no strain.
+    """
+    tile, rows, used = new_tile(dim), np.zeros(LANES, np.int64), 0
+    for r in range(active.shape[0]):
+        if active[r]:
+            load_lane(tile, rows, used, r, la.matrix_at(gradient, source[r], 0, dim), stress, dim)
+            used += 1
+        else:
+            la.store(strain_increment, r, 0, la.zero_symmetric(dim))
+        if used == LANES or r == active.shape[0] - 1:
+            turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, dim)
+            used = 0
 
 
 @overload(midpoint_gradient)

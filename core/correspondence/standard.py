@@ -46,7 +46,7 @@ class Standard:
         close_points(p.owned, dt, p.sums, p.share, p.shape_inverse, p.gradient, p.jacobian, p.dim)
         bonds.admit_newborn(p, material_dt)
         for block in bonds.blocks:
-            _strain_rows(
+            kinematics.strain_rows(
                 block.first, block.active, p.gradient, dt, block.stress, block.strain_increment, block.state,
                 block.tensor_columns, p.dim,
             )  # fmt: skip
@@ -67,17 +67,6 @@ class Standard:
         moduli = np.zeros((p.total, 2))
         moduli[block.first[block.active]] = np.stack([bulk, shear], axis=1)[block.active]
         _sum_springs(pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.share, moduli, springs, p.dim)
-
-
-@kernel
-def _strain_rows(point, active, gradient, dt, stress, strain_increment, state, tensors, dim):
-    for r in range(point.shape[0]):
-        if active[r]:
-            g = la.scaled(la.matrix_at(gradient, point[r], 0, dim), dt)
-            kinematics.deform_row(g, r, stress, strain_increment, state, tensors, dim)
-        else:
-            for c in range(strain_increment.shape[1]):
-                strain_increment[r, c] = 0.0
 
 
 @kernel

@@ -63,8 +63,9 @@ class SubHorizon:
             halo.update(p, *[b.average for b in bonds.blocks])
         bonds.admit_newborn(p, material_dt)
         for block in bonds.blocks:
-            _strain_rows(
-                block.active, block.gradient, dt, block.stress, block.strain_increment, block.state,
+            own = np.arange(len(block.pair), dtype=np.uint32)
+            kinematics.strain_rows(
+                own, block.active, block.gradient, dt, block.stress, block.strain_increment, block.state,
                 block.tensor_columns, p.dim,
             )  # fmt: skip
 
@@ -230,17 +231,6 @@ def _share_among_bonds(start, pair, second, weight, volume, share, integrity, fr
         for r in range(start[i], start[i + 1]):
             part = integrity[r] * weight[pair[r]] * volume[second[r]]
             fraction[r] = share[i, 1] * part / whole if part > 0.0 else 0.0
-
-
-@kernel
-def _strain_rows(active, gradient, dt, stress, strain_increment, state, tensors, dim):
-    for r in range(active.shape[0]):
-        if active[r]:
-            g = la.scaled(la.matrix_at(gradient, r, 0, dim), dt)
-            kinematics.deform_row(g, r, stress, strain_increment, state, tensors, dim)
-        else:
-            for c in range(strain_increment.shape[1]):
-                strain_increment[r, c] = 0.0
 
 
 @kernel
