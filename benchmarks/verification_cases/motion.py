@@ -9,7 +9,6 @@ from periporo.core.timestep import apply_stiffness
 from .common import (
     BULK,
     DENSITY,
-    P_MODULUS,
     P_SPEED,
     SHEAR,
     Figure,

@@ -49,7 +49,8 @@ def incline(full=False, scheme="bond_projected"):
 
 def sticking(full=False, scheme="bond_projected"):
     """V15: with friction 0.7 > tan 30 the block finds equilibrium on the slope, and stays there."""
-    stages = [{"name": "settle", "type": "relax"}, {"name": "wait", "type": "dynamics", "duration": 1.0 if full else 0.1}]
+    wait = {"name": "wait", "type": "dynamics", "duration": 1.0 if full else 0.1}
+    stages = [{"name": "settle", "type": "relax"}, wait]
     sim = _block(0.7, ANGLE, 0.0, scheme, full, stages=stages)
     sim.stages[0].run(sim)
     settled = _travel(sim)

@@ -172,7 +172,7 @@ def test_frozen_water_is_a_closed_system(scene_of, started, cam_clay_input):
 
 
 def test_internal_work_is_that_of_the_total_stress(scene_of, started, cam_clay_input):
-    """sum c (sigma_bar + S_r s I) : d_eps of the bonds is minus the internal force's work, to 1e-4 and better with dt."""
+    """sum c (sigma_bar + S_r s I) : d_eps of bonds is minus the internal force's work, to 1e-4 and better with dt."""
     errors = []
     for dt in (4e-5, 2e-5):
         soft = cam_clay_input | {"bulk_modulus": 3e5, "shear_modulus": 1e5, "preconsolidation": 1e7}
