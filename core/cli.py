@@ -36,7 +36,10 @@ def _parser() -> argparse.ArgumentParser:
     words = parser.add_subparsers(dest="word", required=True, metavar="WORD")
     run = words.add_parser("run", help="run a scene; the word may be left out: periporo config.yaml")
     run.add_argument("config", help="YAML file of the scene")
-    run.add_argument("--overwrite", action="store_true", help="replace an existing result file")
+    start = run.add_mutually_exclusive_group()
+    start.add_argument("--overwrite", action="store_true", help="replace an existing result file")
+    start.add_argument("--resume", action="store_true", help="go on from the newest checkpoint")
+    run.add_argument("--walltime", type=_seconds, metavar="S", help="write a checkpoint and stop before S seconds")
     run.add_argument("--no-plot", action="store_true", help="write no pictures at the end")
     run.add_argument("--quiet", action="store_true", help="no progress display")
     check = words.add_parser("check", help="check a scene and say what it will cost, without running it")
@@ -46,6 +49,13 @@ def _parser() -> argparse.ArgumentParser:
         importlib.import_module(module).add_arguments(tool)
         tool.set_defaults(module=module)
     return parser
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number of seconds")
+    return value
 
 
 def _use_tool(arguments) -> int:
@@ -65,6 +75,7 @@ def _simulate(arguments) -> int:
 
     from periporo.core.relaxation import RelaxationError
     from periporo.core.run import check_scene, run_scene
+    from periporo.core.watchdog import WatchdogError
     from periporo.io.input_errors import InputError
     from periporo.io.writer import OutputError
 
@@ -73,11 +84,11 @@ def _simulate(arguments) -> int:
         if arguments.word == "check":
             return check_scene(arguments.config, comm)
         return run_scene(arguments, comm)
-    except (InputError, OutputError, RelaxationError) as error:  # the same on all ranks
+    except (InputError, OutputError, RelaxationError, WatchdogError) as error:  # the same on all ranks
         if comm.rank == 0:
             print(f"periporo: {error}", file=sys.stderr, flush=True)
         comm.Barrier()
-        return RUN_ERROR if isinstance(error, RelaxationError) else INPUT_ERROR
+        return RUN_ERROR if isinstance(error, RelaxationError | WatchdogError) else INPUT_ERROR
     except BaseException:
         if comm.size == 1:
             raise

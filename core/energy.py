@@ -6,7 +6,9 @@ rounding whatever the forces are, also with prescribed motion and a varying time
 """
 
 import numpy as np
+from mpi4py import MPI
 
+from periporo.core.jit import kernel
 from periporo.core.particles import Field, Particles
 from periporo.core.reductions import exact_sum
 
@@ -70,7 +72,17 @@ class Ledger:
         p = self._particles
         v = p.velocity[: p.owned]
         kinetic = 0.5 * p.mass * (v * v).sum(axis=1)
-        sums = exact_sum(self._comm, np.concatenate([kinetic[:, None], p.work], axis=1))
+        return self._named(exact_sum(self._comm, np.concatenate([kinetic[:, None], p.work], axis=1)))
+
+    def rough_entries(self) -> dict[str, float]:
+        """As `entries` by plain sums: much quicker, but the last digits depend on the ranks."""
+        p = self._particles
+        sums = np.zeros(1 + len(WORK))
+        _sum_energies(p.owned, p.mass, p.velocity, p.work, sums, p.dim)
+        self._comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
+        return self._named(sums)
+
+    def _named(self, sums):
         work = dict(zip(WORK, sums[1:].tolist(), strict=True))
         gained = float(sums[0]) - self.initial_kinetic
         return {
@@ -84,3 +96,14 @@ class Ledger:
             "integration_term": work["integration"],
             "energy_residual": gained - sum(w for name, w in work.items() if name != "integration"),
         }
+
+
+@kernel
+def _sum_energies(owned, mass, velocity, work, sums, dim):
+    for i in range(owned):
+        square = 0.0
+        for a in range(len(dim)):
+            square += velocity[i, a] ** 2
+        sums[0] += 0.5 * mass[i] * square
+        for c in range(work.shape[1]):
+            sums[1 + c] += work[i, c]

@@ -10,13 +10,18 @@ import numpy as np
 import yaml
 
 from periporo.core import fields, jit
+from periporo.core.interrupt import Interrupted, Keeper, Signals
 from periporo.core.observers import HistoryObserver, ProgressObserver, ResultObserver
 from periporo.core.reductions import quantile
 from periporo.core.scene import build, vertical_axis
+from periporo.core.state import resume
+from periporo.core.watchdog import Watchdog
+from periporo.io import checkpoint
 from periporo.io.input_errors import InputError, Problem
 from periporo.io.log import Progress
-from periporo.io.schema import load_scene
-from periporo.io.writer import ResultWriter
+from periporo.io.results import ResultError, open_results
+from periporo.io.schema import Checkpoint, load_scene
+from periporo.io.writer import OutputError, ResultWriter
 
 
 def load_everywhere(path, comm):
@@ -34,32 +39,48 @@ def load_everywhere(path, comm):
 
 
 def run_scene(arguments, comm) -> int:
-    """Run the scene in the file `arguments.config`; the exit status."""
-    began = time.perf_counter()
+    """Run the scene in the file `arguments.config`, or the rest of it; the exit status.
+
+    On all ranks alike raises InputError, OutputError, RelaxationError or WatchdogError.
+    """
+    began = time.monotonic()
     scene = load_everywhere(arguments.config, comm)
-    stem = Path(arguments.config).stem
-    target = Path(scene.output.file or f"{stem}.h5")
-    with Progress(comm, enabled=not arguments.quiet) as progress:
+    target = Path(scene.output.file or f"{Path(arguments.config).stem}.h5")
+    with Progress(comm, enabled=not arguments.quiet) as progress, Signals() as signals:
+        if arguments.resume and everywhere(comm, _is_finished, target):
+            progress.message(f"{target}: this run has finished; nothing to resume")
+            return 0
         if not jit.CACHE_IS_WARM:
             progress.message("compiling kernels (once, about half a minute)")
         sim = build(scene, comm)
         names = _output_names(scene, sim)
-        declared = {n: (f.columns, f.unit) for n, f in fields.available(sim).items() if n in names}
-        with ResultWriter(
-            target, comm, dimension=scene.dimension, fields=declared, attributes=_attributes(scene, comm),
-            history_units=HistoryObserver.UNITS, overwrite=arguments.overwrite,
-        ) as writer:  # fmt: skip
-            sim.start()
+        state, overwrite = None, arguments.overwrite
+        if arguments.resume:
+            state = _state_to_resume(scene, target, comm, progress.message)
+            overwrite = state is None
+        with _writer(scene, target, sim, names, overwrite, state) as writer:
+            if state is None:
+                everywhere(comm, checkpoint.remove, target)  # they belong to a run that is gone
             history = HistoryObserver(writer, scene.output.history_interval, vertical_axis(scene))
             sim.observers += [history, ResultObserver(writer, names, scene.output.interval)]
             sim.observers.append(ProgressObserver(progress, history))
-            progress.message(f"ready after {time.perf_counter() - began:.1f} s")
+            watchdog = _watchdog(scene, target, writer, progress.message)
+            keeper = _keeper(scene, target, writer, arguments.walltime, signals, progress.message, began)
+            sim.guards = [watchdog, keeper]  # in this order: no checkpoint of a state that is taken back
+            sim.start() if state is None else resume(sim, state)
+            progress.message(f"ready after {time.monotonic() - began:.1f} s")
             sim.timing.reset()
             sim.halo.reset_counters()
-            sim.run()
+            try:
+                sim.run(resumed=state is not None)
+            except Interrupted as reason:
+                sim.halo.close()
+                progress.message(f"{reason}\ngo on with: periporo {arguments.config} --resume")
+                return 0
             sim.halo.close()
-            wall_time = time.perf_counter() - began
-            writer.set_attributes({"wall_time_s": wall_time, "timing": _timing(sim), **_counters(sim)})
+            figures = {"wall_time_s": time.monotonic() - began, "timing": _timing(sim), "retries": watchdog.retries}
+            writer.set_attributes({**figures, **_counters(sim), "finished": 1})
+        everywhere(comm, checkpoint.remove, target)
         for line in _summary(sim, history, vertical_axis(scene)):
             progress.message(line)
         progress.message(f"results: {target}")
@@ -67,6 +88,88 @@ def run_scene(arguments, comm) -> int:
             for picture in _pictures(target):
                 progress.message(f"picture: {picture}")
     return 0
+
+
+def everywhere(comm, function, *arguments):
+    """What the function returns on rank 0, or its OSError as OutputError, on all ranks."""
+    value, failure = None, None
+    if comm.rank == 0:
+        try:
+            value = function(*arguments)
+        except OSError as error:
+            failure = str(error)
+    value, failure = comm.bcast((value, failure))
+    if failure is not None:
+        raise OutputError(failure)
+    return value
+
+
+def _writer(scene, target, sim, names, overwrite, state):
+    declared = {n: (f.columns, f.unit) for n, f in fields.available(sim).items() if n in names}
+    return ResultWriter(
+        target, sim.comm, dimension=scene.dimension, fields=declared, attributes=_attributes(scene, sim.comm),
+        history_units=HistoryObserver.UNITS, overwrite=overwrite,
+        resume_step=None if state is None else state.memory["simulation"]["step_number"],
+    )  # fmt: skip
+
+
+def _watchdog(scene, target, writer, message):
+    return Watchdog(
+        scene.monitor.energy_tolerance, scene.materials, target.with_suffix(".diagnostic.csv"), rewind=writer.rewind,
+        message=message,
+    )  # fmt: skip
+
+
+def _keeper(scene, target, writer, walltime, signals, message, began):
+    """Checkpoints as the scene asks for them; without, only when the run is asked to stop."""
+    chosen = scene.checkpoint or Checkpoint()
+    configuration = _fingerprint(scene)
+
+    def write(sim):
+        writer.flush()
+        everywhere(sim.comm, checkpoint.sync, target)
+        return checkpoint.write(sim, target, configuration, chosen.keep)
+
+    interval = None if scene.checkpoint is None else chosen.interval
+    return Keeper(write, signals, interval=interval, walltime=walltime, message=message, began=began)
+
+
+def _fingerprint(scene) -> str:
+    """The scene as JSON without what may change between the parts of a run."""
+    return scene.model_dump_json(exclude={"title", "checkpoint", "monitor"})
+
+
+def _state_to_resume(scene, target, comm, message):
+    """The state in the newest checkpoint that can be read; None to begin anew, for there is none yet.
+
+    Raises CheckpointError if all are damaged, OutputError if they belong to another scene or there are results of a
+    run that was to have no checkpoints.
+    """
+    paths, damage = everywhere(comm, checkpoint.existing, target), None
+    for path in paths:
+        try:
+            state = checkpoint.read(path, comm, _fingerprint(scene))
+        except checkpoint.CheckpointError as error:
+            message(str(error))
+            damage = error
+            continue
+        clock = state.memory["simulation"]
+        message(f"resuming at t = {clock['time']:.6g} s, step {clock['step_number']}, from {path.name}")
+        return state
+    if damage is not None:
+        raise damage
+    if scene.checkpoint is None and everywhere(comm, target.exists):
+        raise OutputError(f"cannot resume {target}: there is no checkpoint beside it; start anew with --overwrite")
+    message("no checkpoint yet: starting from the beginning")
+    return None
+
+
+def _is_finished(target) -> bool:
+    try:
+        with open_results(target) as results:
+            return "finished" in results.attributes
+    except ResultError:
+        return False
 
 
 def _output_names(scene, sim) -> tuple[str, ...]:

@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 
 from periporo.core.relaxation import Relaxation
 
+_REMEMBERED = ("end_time", "first_step", "initial_residual", "_peak")
+
 
 @dataclass
 class Stage:
@@ -83,19 +85,23 @@ class DynamicsStage(Stage):
     rest_fraction: float | None = None
     rest_interval: int = 100  # steps between looks at the kinetic energy
     end_time: float = 0.0
-    _first_step: int = 0
+    first_step: int = 0
+    initial_residual: float = 0.0  # of the energy ledger, J
     _peak: float = 0.0  # of the kinetic energy, J
     _at_rest: bool = False
 
     def _set_out(self, sim) -> None:
-        self.end_time, self._first_step, self._peak = sim.time + self.duration, sim.step_number, 0.0
+        self.end_time, self.first_step, self._peak = sim.time + self.duration, sim.step_number, 0.0
         self._at_rest = False
+
+    def _begin(self, sim) -> None:
+        self.initial_residual = sim.ledger.entries()["energy_residual"]
 
     def _is_over(self, sim) -> bool:
         if self.rest_fraction is not None and sim.step_number % self.rest_interval == 0:
             kinetic = sim.ledger.kinetic()
             self._peak = max(self._peak, kinetic)
-            self._at_rest = sim.step_number > self._first_step and kinetic <= self.rest_fraction * self._peak
+            self._at_rest = sim.step_number > self.first_step and kinetic <= self.rest_fraction * self._peak
         return self._at_rest or sim.time >= self.end_time * (1.0 - 1e-12)
 
     def _finish(self, sim) -> str:
@@ -103,9 +109,10 @@ class DynamicsStage(Stage):
 
     def memory(self) -> dict:
         """What a checkpoint keeps."""
-        return {"end_time": self.end_time, "first_step": self._first_step, "peak": self._peak}
+        return {name: getattr(self, name) for name in _REMEMBERED}
 
     def recall(self, sim, memory: dict) -> None:
         """Go on from there."""
-        self.end_time, self._first_step, self._peak = memory["end_time"], memory["first_step"], memory["peak"]
+        for name in _REMEMBERED:
+            setattr(self, name, memory[name])
         sim.rate_independent = False

@@ -68,9 +68,12 @@ class ResultFile:
         else:
             self._file = _create(self.path)
             self._lay_out()
+        self._count_outputs()
+        self._file.flush()
+
+    def _count_outputs(self):
         self._count = int(self._steps.attrs["NSteps"])
         self._start = int(self._grid["NumberOfPoints"][: self._count].sum())
-        self._file.flush()
 
     @property
     def _grid(self):
@@ -122,6 +125,12 @@ class ResultFile:
         self._file.flush()
         self._count += 1
         self._start += rows
+
+    def rewind(self, step):
+        """Drop the outputs and the history after `step`."""
+        self._truncate(step)
+        self._count_outputs()
+        self._file.flush()
 
     def put_history(self, rows):
         """Append rows of global figures: a list of dictionaries with the same names."""

@@ -87,6 +87,10 @@ class ResultWriter:
         """Set attributes of the run, e.g. its wall time; written at the next `write`, `flush` or `close`."""
         self._attributes.update(attributes)
 
+    def rewind(self, step):
+        """Drop all that was recorded after this step; collective."""
+        self._collectively(self._rewind, step)
+
     def flush(self):
         """Bring all that is recorded to disk, before a checkpoint for instance; collective."""
         self._collectively(self._flush)
@@ -161,6 +165,10 @@ class ResultWriter:
 
     def _finish_output(self, time, step, rows):
         self._file.finish_output(time, step, rows)
+
+    def _rewind(self, step):
+        self._history = [row for row in self._history if row["step"] <= step]
+        self._file.rewind(step)
 
     def _flush(self):
         if self._history:
