@@ -126,14 +126,15 @@ class Simulation:
     def apply_loads(self, dt: float) -> None:
         """Forces of contacts and loads at the end of a step of `dt`."""
         p = self.particles
+        end = self.time if self.rate_independent else self.time + dt  # relaxation holds the time, and obstacles
         for name, array in zip(self.forces.names, self.forces.arrays(), strict=True):
             if name != "internal":
                 array[:] = 0.0
         for contact in self.contacts:
-            contact.add_force(p, self.time + dt, dt)
+            contact.add_force(p, end, dt)
         self.timing.lap("contact")
         for load in self.loads:
-            load.add_force(p, self.time + dt, dt)
+            load.add_force(p, end, dt)
         self.timing.lap("loads")
 
     def step(self) -> None:
