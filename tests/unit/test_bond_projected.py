@@ -121,7 +121,7 @@ def test_momenta_are_conserved_to_rounding(sim):
 
 
 def test_force_is_the_conjugate_of_the_stress_power(sim):
-    p, dt = sim.particles, 1e-9
+    p, dt = sim.particles, 1e-14
     stress = [b.stress.copy() for b in sim.bonds.blocks]
     power = -(forces(sim) * p.velocity).sum()
     sim.scheme.deform(p, sim.bonds, sim.halo, dt, np.inf)
@@ -129,7 +129,7 @@ def test_force_is_the_conjugate_of_the_stress_power(sim):
     for block, r, _, _, c in rows_of(sim):
         sigma = to_matrix(stress[block.index][r : r + 1])[0]
         found += c * (sigma * to_matrix(block.strain_increment[r : r + 1])[0]).sum() / dt
-    assert found == pytest.approx(power, rel=1e-6)
+    assert found == pytest.approx(power, rel=1e-10)
 
 
 def test_affine_velocity_is_seen_exactly_by_points_and_bonds(sim):
