@@ -12,7 +12,7 @@ with Z_i = sum_b (c_b/2) (sigma_b - (sigma_b xi) (x) n):
 
     t_ij = c_ij sigma_ij n + w V_i V_j (B_i + B_j) xi,  B_i = Z_i K_i^-1 / V_i.
 
-beta is 1 in a regular neighbourhood and falls to 0, over a decade of det K/(tr K/d)^d, where the neighbours do
+beta is 1 in a regular neighbourhood and falls to 0, with det K/(tr K/d)^d, where the neighbours do
 not span space any more: such a point flies freely. Momenta are conserved to rounding, the elastic operator is
 symmetric and positive semi-definite.
 """

@@ -6,8 +6,7 @@ from periporo.core import algebra as la
 from periporo.core.correspondence.influence import influence
 from periporo.core.jit import inlined, kernel
 
-DEGENERATE, REGULAR = 1e-2, 1e-1  # of det K / (tr K / d)^d
-_DECADE = np.log(REGULAR / DEGENERATE)
+DEGENERATE, REGULAR = 0.01, 0.2  # of det K / (tr K / d)^d
 
 
 @inlined
@@ -21,10 +20,14 @@ def inverse_and_regularity(k):
 
 @inlined
 def integrity_of(regularity):
-    """beta: 1 in a regular neighbourhood, 0 in a degenerate one, logarithmic over the decade in between."""
+    """beta: 1 in a regular neighbourhood, 0 in a degenerate one, quadratic in between.
+
+    The stiffness of a gradient grows like one over the regularity; beta falls faster, so that a point which
+    leaves its neighbours never becomes stiffer than those that stay.
+    """
     if not regularity > DEGENERATE:
         return 0.0
-    return 1.0 if regularity > REGULAR else np.log(regularity / DEGENERATE) / _DECADE
+    return min((regularity - DEGENERATE) / (REGULAR - DEGENERATE), 1.0) ** 2
 
 
 @kernel
