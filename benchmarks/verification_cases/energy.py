@@ -169,7 +169,7 @@ def stress_work(full=False, scheme="bond_projected"):
     figures.append(Figure("the same with half of the step", half, at_most=1e-4))
     if full:
         whole = _falling_error(CAM_CLAY, 1.0, 0.2, 40, scheme)
-        figures.append(Figure("stress work, most of a collapse (0.2 s), 40 rows, default step", whole))
+        figures.append(Figure("stress work, most of a collapse (0.2 s), 40 rows, default step", whole, 1e-4))
         vibrating = _falling_error(ELASTIC, 1.0, 0.02, 20, scheme)
         figures.append(Figure("stress work, elastic column dropped (0.02 s), default step", vibrating))
     return figures
