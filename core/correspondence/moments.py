@@ -6,7 +6,7 @@ from periporo.core import algebra as la
 from periporo.core.correspondence.influence import influence
 from periporo.core.jit import inlined, kernel
 
-DEGENERATE, REGULAR = 0.01, 0.2  # of det K / (tr K / d)^d
+DEGENERATE, REGULAR = 0.01, 0.1  # of det K / (tr K / d)^d
 
 
 @inlined
