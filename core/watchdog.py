@@ -2,9 +2,9 @@
 
 Every few steps all ranks look for NaN, for points faster than the waves of their material, for bonds whose strain jumps
 within a step, and for energy that comes from nowhere. Every few hundred steps the state is kept in memory. After a
-failure the run goes on from there with half the time step, and looks at every step, until the next state is kept; if it
-fails again the step is halved again, at most `MOST_RETRIES` times. All of this depends on the state alone, hence not on
-the number of ranks.
+failure the run goes on from there with half the time step, and looks at every step, until the next state is kept; if
+it fails again the step is halved again, at most `MOST_RETRIES` times. All of this depends on the state alone, hence not
+on the number of ranks.
 """
 
 import numpy as np
@@ -48,6 +48,7 @@ class Watchdog:
         self.message = message
         self.retries = 0
         self._failures = 0  # since the last sound state was kept
+        self._last_kind = ""
         self._kept = None
         self._stage = None
         self._fastest = np.empty(0)  # wave speed of each material, m/s
@@ -67,10 +68,15 @@ class Watchdog:
             self._take_back(sim, fault)
         elif sim.step_number % SNAPSHOT_INTERVAL == 0:
             if careful:
-                self.message(f"step {sim.step_number}: sound again, back to the full time step")
-                self._scale_time_step(sim, 1.0 / sim.time_step.reduction)
-                self._failures = 0
+                self._relent(sim)
             self._keep(sim)
+
+    def _relent(self, sim):
+        """Back to the step before the failure; not after an energy error, which would only come back."""
+        if self._last_kind != "energy":
+            self._scale_time_step(sim, 2.0**self._failures)
+        self._failures = 0
+        self.message(f"step {sim.step_number}: sound again, going on with {sim.time_step.reduction:g} of the time step")
 
     def _keep(self, sim):
         self._fastest = wave_speeds(sim)
@@ -82,9 +88,10 @@ class Watchdog:
             raise WatchdogError(f"{fault}\n{self.retries} repairs were tried; details in {self.diagnostics}")
         self._failures += 1
         self.retries += 1
+        self._last_kind = fault.kind
         install(sim, self._kept)
         self.rewind(sim.step_number)
-        self._scale_time_step(sim, 0.5**self._failures / sim.time_step.reduction)
+        self._scale_time_step(sim, 0.5**self._failures)
         self.message(f"{fault}\nback to step {sim.step_number} with {sim.time_step.reduction:g} of the time step")
 
     def _scale_time_step(self, sim, factor):

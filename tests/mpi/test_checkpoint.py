@@ -1,0 +1,221 @@
+"""Interrupted runs: they go on bit for bit, on any number of ranks, whatever ends them."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import yaml
+
+from periporo.core.scene import SCHEMES
+
+HERE = Path(__file__).parent
+CLI = ("-m", "periporo.core.cli")
+QUIET = ("--quiet", "--no-plot")
+
+SAND = {"model": "drucker_prager", "density": 1600.0, "bulk_modulus": 2e5, "shear_modulus": 1e5,
+        "friction_angle": 30.0, "cohesion": 500.0}  # fmt: skip
+SOFT = {"model": "elastic", "density": 1500.0, "bulk_modulus": 6e4, "shear_modulus": 3e4}
+CLAY = {
+    "model": "cam_clay", "grain_density": 2200.0, "porosity": 0.2, "bulk_modulus": 1e5, "shear_modulus": 6e4,
+    "critical_state_slope": 1.1, "compression_index": 0.05, "swelling_index": 0.01, "viscosity": 1000.0,
+    "overconsolidation_ratio": 1.25,
+}  # fmt: skip
+
+
+def column(scheme="bond_projected", **keys):
+    """A plane column of clay settles between rollers, then falls on a moving floor."""
+    scene = {
+        "dimension": 2, "spacing": 0.01, "gravity": [0.0, -20.0], "correspondence": scheme,
+        "materials": {"clay": CLAY},
+        "bodies": [{"name": "column", "material": "clay", "jitter": 0.1,
+                    "shape": {"type": "box", "lower": [-0.05, 0.0], "upper": [0.05, 0.15]}}],
+        "initial_stress": {"type": "geostatic", "K0": 0.7},
+        "boundaries": {"left": {"where": {"upper": [-0.04, None]}, "fix": ["x"]},
+                       "right": {"where": {"lower": [0.04, None]}, "fix": ["x"]}},
+        "contacts": [{"type": "plane", "point": [0, 0], "normal": [0, 1], "friction": 0.4, "damping": 0.1,
+                      "velocity": [0.2, 0.0]}],
+        "stages": [{"name": "settle", "type": "relax", "tolerance": 0.1, "max_steps": 500,
+                    "boundaries": ["left", "right"]},
+                   {"name": "fall", "type": "dynamics", "duration": 0.06, "damping": {"viscous": 0.5},
+                    "stop_when_at_rest": 1e-9}],
+        "output": {"interval": 0.01},
+    }  # fmt: skip
+    return scene | keys
+
+
+def wet_column():
+    """The same of wet clay."""
+    return column(pore_water={"suction": 2e4, "retention": {"set": "fitted"}})
+
+
+def stacked_cubes():
+    """A cube of sand slides on a soft one, which lies on the floor: contact of bodies."""
+    def cube(name, material, height, velocity):
+        lower, upper = [-0.06, -0.06, height], [0.06, 0.06, height + 0.08]
+        return {"name": name, "material": material, "velocity": velocity,
+                "shape": {"type": "box", "lower": lower, "upper": upper}}  # fmt: skip
+
+    return {
+        "dimension": 3, "spacing": 0.02, "gravity": [0.0, 0.0, -9.81], "materials": {"sand": SAND, "soft": SOFT},
+        "bodies": [cube("low", "soft", 0.0, [0.0, 0.0, 0.0]), cube("high", "sand", 0.08, [1.0, 0.3, -0.5])],
+        "contacts": [{"type": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "friction": 0.3},
+                     {"type": "bodies", "first": "low", "second": "high", "friction": 0.4}],
+        "stages": [{"name": "slide", "type": "dynamics", "duration": 0.05}],
+        "output": {"interval": 0.01},
+    }  # fmt: skip
+
+
+def contents(path):
+    """All datasets of an HDF5 file by name."""
+    found = {}
+    with h5py.File(path) as file:
+        file.visititems(lambda name, item: found.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None)
+    return found
+
+
+def assert_same_bits(one, other):
+    assert one.keys() == other.keys()
+    for name, values in one.items():
+        assert values.dtype == other[name].dtype
+        assert np.array_equal(values, other[name], equal_nan=values.dtype.kind == "f"), name
+
+
+@pytest.fixture
+def interrupt(mpirun, tmp_path):
+    """Function that runs the scene on a number of ranks, with a signal after a step; its CompletedProcess."""
+
+    def run(ranks, *words, name="SIGTERM", step=10**9):
+        return mpirun(ranks, HERE / "interrupted.py", name, step, "scene.yaml", "--no-plot", *words, folder=tmp_path)
+
+    return run
+
+
+def write_scene(folder, scene):
+    (folder / "scene.yaml").write_text(yaml.safe_dump(scene))
+
+
+def checkpoints(folder):
+    return sorted(folder.glob("scene.checkpoint-*"))
+
+
+def test_the_state_at_a_step_is_the_same_however_the_run_got_there(interrupt, tmp_path):
+    """One rank, or two ranks up to the middle of the relaxation and three from there."""
+    write_scene(tmp_path, column())
+    assert interrupt(1, step=40).returncode == 0
+    state = contents(checkpoints(tmp_path)[0])
+    assert state["rows_0/ids"].shape[0] > 300 and state["points/id"].tolist() == list(range(150))
+    assert state["points/contact_spring_0"].any() and state["points/work"].any()
+    assert interrupt(2, "--overwrite", step=20).returncode == 0
+    run = interrupt(3, "--resume", name="SIGINT", step=40)
+    assert run.returncode == 0 and "resuming at t = " in run.stdout and "go on with: periporo scene.yaml" in run.stdout
+    names = [path.name for path in checkpoints(tmp_path)]
+    assert names == [f"scene.checkpoint-{step:012d}.h5" for step in (20, 40)]
+    assert_same_bits(state, contents(checkpoints(tmp_path)[1]))
+
+
+@pytest.mark.parametrize("scene", [column, wet_column, stacked_cubes], ids=lambda s: s.__name__)
+def test_interruptions_and_other_numbers_of_ranks_change_no_bit(interrupt, tmp_path, scene):
+    write_scene(tmp_path, scene())
+    run = interrupt(1, name="SIGUSR1", step=20)  # a checkpoint, and on
+    assert run.returncode == 0 and "checkpoint at t = " in run.stdout
+    one = contents(tmp_path / "scene.h5")
+    assert not np.isnan(one["VTKHDF/Points"]).any() and not checkpoints(tmp_path)  # a finished run needs none
+    assert interrupt(2, "--overwrite", step=20).returncode == 0
+    assert interrupt(3, "--resume", step=40).returncode == 0
+    run = interrupt(1, "--resume")
+    assert run.returncode == 0, run.stderr
+    assert_same_bits(one, contents(tmp_path / "scene.h5"))
+    assert "nothing to resume" in interrupt(1, "--resume").stdout
+
+
+@pytest.mark.parametrize("scheme", [name for name in SCHEMES if name != "bond_projected"])
+def test_every_scheme_goes_on_bit_for_bit(interrupt, tmp_path, scheme):
+    scene = column(scheme)
+    scene["stages"] = [{"name": "fall", "type": "dynamics", "duration": 0.02}]
+    write_scene(tmp_path, scene)
+    assert interrupt(1).returncode == 0
+    one = contents(tmp_path / "scene.h5")
+    assert interrupt(2, "--overwrite", step=10).returncode == 0
+    run = interrupt(1, "--resume")
+    assert run.returncode == 0, run.stderr
+    assert_same_bits(one, contents(tmp_path / "scene.h5"))
+
+
+def test_a_damaged_checkpoint_is_passed_over(interrupt, tmp_path):
+    write_scene(tmp_path, column())
+    assert interrupt(1).returncode == 0
+    one = contents(tmp_path / "scene.h5")
+    for step, words in ((20, ["--overwrite"]), (40, ["--resume"])):
+        assert interrupt(1, *words, step=step).returncode == 0
+    older, newer = checkpoints(tmp_path)
+    data = bytearray(newer.read_bytes())
+    with h5py.File(newer) as file:
+        place = file["points/velocity"].id.get_chunk_info(0).byte_offset
+    data[place + 17] ^= 1  # a single bit
+    newer.write_bytes(data)
+    run = interrupt(2, "--resume")
+    assert run.returncode == 0 and f"{newer.name}: it is damaged" in run.stdout and older.name in run.stdout
+    assert_same_bits(one, contents(tmp_path / "scene.h5"))
+
+
+def test_what_cannot_be_resumed_says_so(interrupt, tmp_path):
+    write_scene(tmp_path, column())
+    assert interrupt(1, step=20).returncode == 0
+    write_scene(tmp_path, column(gravity=[0.0, -10.0]))
+    run = interrupt(2, "--resume")
+    assert run.returncode == 2 and "the scene has another gravity" in run.stderr and "Traceback" not in run.stderr
+    checkpoints(tmp_path)[0].write_bytes(b"nothing")
+    run = interrupt(1, "--resume")
+    assert run.returncode == 2 and "it is damaged" in run.stderr
+    checkpoints(tmp_path)[0].unlink()
+    run = interrupt(1, "--resume")
+    assert run.returncode == 2 and "there is no checkpoint beside it" in run.stderr and "--overwrite" in run.stderr
+
+
+def test_the_wall_time_ends_a_run_in_time(mpirun, tmp_path):
+    scene = column()
+    scene["stages"][1]["duration"] = 1e3
+    write_scene(tmp_path, scene)
+    run = mpirun(2, *CLI, "scene.yaml", "--no-plot", "--walltime", "6", folder=tmp_path, timeout=100)
+    assert run.returncode == 0, run.stderr
+    assert "stopped at t = " in run.stdout and len(checkpoints(tmp_path)) == 1
+
+
+def test_killed_runs_resume_and_end_alike(tmp_path):
+    """SIGKILL at three random moments; `benchmarks/kill.py` does it thirty times."""
+    write_scene(tmp_path, column())
+    command = [sys.executable, *CLI, "scene.yaml", *QUIET]
+    assert subprocess.run(command, cwd=tmp_path, timeout=120).returncode == 0
+    one = contents(tmp_path / "scene.h5")
+    (tmp_path / "scene.h5").unlink()
+    write_scene(tmp_path, column(checkpoint={"interval": 0.05}))
+    moments = random.Random(1)
+    for _ in range(3):
+        run = subprocess.Popen([*command, "--resume"], cwd=tmp_path)
+        patience = time.monotonic() + 60
+        while not checkpoints(tmp_path) and run.poll() is None and time.monotonic() < patience:
+            time.sleep(0.02)
+        time.sleep(moments.uniform(0.0, 0.3))
+        os.kill(run.pid, signal.SIGKILL)
+        run.wait()
+    assert subprocess.run([*command, "--resume"], cwd=tmp_path, timeout=120).returncode == 0
+    assert_same_bits(one, contents(tmp_path / "scene.h5"))
+
+
+def test_a_full_disk_ends_the_run_with_a_word(tmp_path):
+    """A limit on the size of files stands in for the disk's: what was written before stays."""
+    write_scene(tmp_path, column(checkpoint={"interval": 1e-3}))
+    script = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000)); " \
+             "import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); from periporo.core import cli; " \
+             "sys.exit(cli.main(['scene.yaml', '--quiet', '--no-plot']))"  # fmt: skip
+    run = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, timeout=120, capture_output=True, text=True)
+    assert run.returncode == 2, run.stderr
+    assert "cannot write" in run.stderr and "File too large" in run.stderr and "Traceback" not in run.stderr
+    assert not list(tmp_path.glob("*.partial"))
