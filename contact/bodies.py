@@ -132,7 +132,8 @@ class BodiesContact:
         for i, j in (self._ends, self._ends[::-1]):
             mine = i < p.owned
             for slot in range(partner.shape[1]):
-                kept[i[mine], slot] |= partner[i[mine], slot] == p.id[j[mine]] + 1
+                found = partner[i[mine], slot] == p.id[j[mine]] + 1
+                np.logical_or.at(kept[:, slot], i[mine], found)  # a point has several pairs
         partner[~kept] = 0
         getattr(p, self.spring).reshape(*partner.shape, p.dimension)[~kept] = 0.0
 
