@@ -1,0 +1,66 @@
+"""Columns of soil that collapse under their weight: runs all cases and remakes docs/column_collapse.md.
+
+    python benchmarks/column_collapse_study.py [--quick] [--only PATTERN] [--folder DIR] [--draw]
+
+Each case of configs/studies/column_collapse.yaml runs in a folder of its own below DIR, as an ordinary scene. What is
+finished is skipped, what was interrupted goes on. Then the pictures in docs/figures and the table at the end of the
+page are made from the cases that are there; --draw does only that. --quick runs every case at a spacing of 5 mm and
+leaves pictures and table in DIR. --only takes the cases whose name matches a pattern such as 'paper-*-dry-*'. Exit
+status 1 if a run failed.
+"""
+
+import argparse
+import sys
+import time
+from fnmatch import fnmatch
+from pathlib import Path
+
+from study import figures, table
+from study.cases import Study, is_finished, run
+
+ROOT = Path(__file__).resolve().parent.parent
+STUDY = ROOT / "configs" / "studies" / "column_collapse.yaml"
+QUICK_SPACING = 5e-3  # m
+
+
+def main():
+    """Run, draw, tabulate."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="spacing 5 mm, pictures and table into the folder")
+    parser.add_argument("--only", default="*", metavar="PATTERN", help="only cases whose name matches")
+    parser.add_argument("--folder", type=Path, help="where the runs are kept")
+    parser.add_argument("--draw", action="store_true", help="run nothing")
+    arguments = parser.parse_args()
+    folder = (arguments.folder or Path("column_collapse_quick" if arguments.quick else "column_collapse")).resolve()
+    study = Study(STUDY, QUICK_SPACING if arguments.quick else None)
+    failed = [] if arguments.draw else run_all(study, arguments.only, folder)
+    done = {case: folder / case.name for case in study.cases if is_finished(folder / case.name)}
+    spacing = QUICK_SPACING if arguments.quick else 2.5e-3
+    figures.draw_all(done, spacing, folder if arguments.quick else ROOT / "docs" / "figures")
+    rows = table.lines(done)
+    print("\n".join(rows))
+    if arguments.quick:
+        (folder / "table.md").write_text("\n".join(rows) + "\n")
+    else:
+        table.put_into(ROOT / "docs" / "column_collapse.md", rows)
+    for name in failed:
+        print(f"failed: {name}", file=sys.stderr)
+    sys.exit(1 if failed else 0)
+
+
+def run_all(study, pattern, folder):
+    """Run the cases that match one after the other; the names of those that failed."""
+    failed = []
+    chosen = [case for case in study.cases if fnmatch(case.name, pattern)]
+    for number, case in enumerate(chosen, start=1):
+        began = time.monotonic()
+        print(f"{number}/{len(chosen)} {case.name}", end=" ", flush=True)
+        status = run(study, case, folder / case.name)
+        print("failed" if status else f"{time.monotonic() - began:.0f} s", flush=True)
+        if status:
+            failed.append(case.name)
+    return failed
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Parts of the study of column collapse: its cases, what is measured, and the pictures."""
