@@ -190,7 +190,7 @@ class Bonds:
         alone = np.flatnonzero(weight[:, 0] == 0.0)
         if len(alone):
             stress[alone] = self._stress_from_nothing(particles, ends[0][alone], ends[1][alone])
-            volume = self.layout.volumes(block, self.pairs, particles, rows[alone])
+            volume = 0.5 * (particles.volume[ends[0][alone]] + particles.volume[ends[1][alone]])
             ids, place = self.layout.keys(block, self.pairs)
             state[alone] = block.material.initial_state(stress[alone], ids[place[rows[alone]]], volume)
         block.material.compute_stress(stress, np.zeros_like(stress), state, dt)

@@ -36,7 +36,7 @@ class Material(Protocol):
     """A constitutive law; see `docs/materials.md` for how to write one."""
 
     density: float
-    """Mass per bulk volume of the dry material at the start, kg/m^3."""
+    """Mass per bulk volume at the start, kg/m^3; of the dry material unless the law owns its pore fluid."""
 
     state_fields: tuple[StateField, ...]
     """The state's columns in order; empty for a law without memory besides stress."""
@@ -45,7 +45,8 @@ class Material(Protocol):
         """State (n, k) of rows that start at `stress` (n, 4|6) Pa.
 
         `ids` (n, 2) int64 are the global ids of the bond's ends (equal for a point), the only permitted
-        source of random numbers; `volume` (n,) m^3 is the volume that the row stands for.
+        source of random numbers; `volume` (n,) m^3 is the mean volume of the two ends (of the point itself), per
+        metre of thickness in plane strain: the size of the specimen that the row is.
         """
 
     def compute_stress(

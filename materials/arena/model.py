@@ -2,6 +2,7 @@
 
 import math
 from functools import cached_property
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -25,6 +26,13 @@ class Arena(ArenaParameters):
     negative), number of failed updates, and where switched on the damage time, the strength factor and the
     quasi-static stress.
     """
+
+    owns_pore_pressure: ClassVar[bool] = True
+
+    @classmethod
+    def example(cls) -> Self:
+        """The manual's Mason sand, half saturated."""
+        return cls()
 
     @property
     def rate_dependent(self) -> bool:

@@ -15,7 +15,7 @@ def _field(default, description, unit="1", **bounds):
 class ArenaParameters(MaterialParameters):
     """Validated parameters of the Arena soil model (Arena manual, Banerjee & Brannon)."""
 
-    density: float = _field(1800.0, "dry bulk density", "kg/m^3", gt=0)
+    density: float = _field(1800.0, "bulk density at the start, with the water in the pores", "kg/m^3", gt=0)
 
     initial_porosity: float = _field(0.40, "porosity at the start", gt=0, lt=1)
     initial_saturation: float = _field(0.5, "water's share of the pores at the start", ge=0, le=1)

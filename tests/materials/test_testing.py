@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from periporo.materials import registry, testing
+from periporo.materials.arena import Arena
 from periporo.materials.cam_clay import CamClay
 from periporo.materials.drucker_prager import DruckerPrager
 from periporo.materials.elastic import Elastic
@@ -12,6 +13,11 @@ from periporo.materials.testing import check_material
 
 LAWS = sorted(name for name in registry.available() if hasattr(registry.load(name), "example"))
 VARIANTS = {
+    "dry Arena": Arena(initial_saturation=0.0, T1=0.0, T2=0.0),
+    "saturated Arena": Arena(initial_saturation=1.0, p0=1e6),
+    "Arena with all parts": Arena(
+        do_damage=True, do_variability=True, use_disaggregation_algorithm=True, weibull_reference_volume=1e-6
+    ),
     "unsaturated": CamClay.example().for_unsaturated(),
     "rate-independent": CamClay.example().model_copy(update={"viscosity": 0.0, "report_dissipation": True}),
     "slow": CamClay.example().model_copy(update={"viscosity": 1e9}),
@@ -39,7 +45,7 @@ def test_variants_of_the_soils_conform(name, dimension):
 
 
 def test_all_built_in_laws_are_covered():
-    assert {"elastic", "cam_clay", "drucker_prager"} <= set(LAWS)
+    assert {"arena", "elastic", "cam_clay", "drucker_prager"} <= set(LAWS)
 
 
 def test_elastic_cycle_returns_its_work():
