@@ -1,0 +1,90 @@
+"""Kills a run again and again and compares what it ends with: `python benchmarks/kill.py [--kills 30]`.
+
+A small column collapses with a checkpoint every twentieth of a second. SIGKILL comes at a random moment of each part,
+also while it starts, writes results or a checkpoint; the next part starts with --resume. After every kill the result
+file must open in h5py and in VTK; in the end it must equal, bit for bit, that of a run that was left alone.
+"""
+
+import argparse
+import random
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import yaml
+
+SCENE = {
+    "dimension": 2, "spacing": 0.01, "gravity": [0.0, -9.81],
+    "materials": {"sand": {"model": "drucker_prager", "density": 1600.0, "bulk_modulus": 2e6, "shear_modulus": 1e6,
+                           "friction_angle": 20.0, "cohesion": 0.0}},
+    "bodies": [{"name": "column", "material": "sand",
+                "shape": {"type": "box", "lower": [-0.1, 0.0], "upper": [0.1, 0.3]}}],
+    "contacts": [{"type": "plane", "point": [0, 0], "normal": [0, 1], "friction": 0.3}],
+    "stages": [{"name": "fall", "type": "dynamics", "duration": 0.6}],
+    "output": {"interval": 2e-3},
+    "checkpoint": {"interval": 0.05},
+}  # fmt: skip
+COMMAND = [sys.executable, "-m", "periporo.core.cli", "scene.yaml", "--quiet", "--no-plot"]
+
+
+def datasets(path):
+    """All datasets by name."""
+    found = {}
+    with h5py.File(path) as file:
+        file.visititems(lambda name, item: found.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None)
+    return found
+
+
+def outputs_in_vtk(path):
+    """Number of outputs that VTK reads."""
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    reader = vtkHDFReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    return reader.GetNumberOfSteps()
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--kills", type=int, default=30)
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    moments, folder = random.Random(arguments.seed), Path(tempfile.mkdtemp(prefix="kill-"))
+    (folder / "scene.yaml").write_text(yaml.safe_dump(SCENE))
+    began = time.monotonic()
+    subprocess.run(COMMAND, cwd=folder, check=True)
+    whole = time.monotonic() - began
+    expected = datasets(folder / "scene.h5")
+    (folder / "scene.h5").unlink()
+    kills = 0
+    while True:
+        part = subprocess.Popen([*COMMAND, "--resume"], cwd=folder)
+        try:
+            left = kills >= arguments.kills
+            status = part.wait(timeout=None if left else moments.uniform(0.5, 0.4 * whole))
+        except subprocess.TimeoutExpired:
+            part.kill()
+            part.wait()
+            kills += 1
+            steps = [p.name.split("-")[1][:12].lstrip("0") for p in sorted(folder.glob("*.checkpoint-*.h5"))]
+            file = folder / "scene.h5"
+            outputs = len(datasets(file)["VTKHDF/Steps/Values"]) if file.exists() and steps else 0
+            seen = outputs_in_vtk(file) if outputs else 0
+            print(f"kill {kills:2d}: checkpoints {steps}, {outputs} outputs in h5py, {seen} in VTK", flush=True)
+            continue
+        if status != 0:
+            raise SystemExit(f"a part failed with status {status} in {folder}")
+        break
+    ended = datasets(folder / "scene.h5")
+    same = all(np.array_equal(expected[n], ended[n], equal_nan=expected[n].dtype.kind == "f") for n in expected)
+    print(f"{kills} kills; the results are {'the same, bit for bit' if same else 'DIFFERENT'} ({folder})")
+    raise SystemExit(0 if same and kills > 0 else 1)
+
+
+if __name__ == "__main__":
+    main()
