@@ -4,10 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 
 from periporo.core import tensors
+from periporo.core.scene import build
+from periporo.io.input_errors import InputError
+from periporo.io.schema import parse_scene
 from periporo.materials.arena import Arena
 from periporo.materials.arena.variability import strength_factors
 
@@ -233,6 +237,49 @@ def test_weibull_distribution_of_points_and_bonds():
     swapped = strength_factors(bonds[:, ::-1], volume, 4.0, 1e-3, 7)
     np.testing.assert_array_equal(swapped, factor)
     np.testing.assert_allclose(strength_factors(bonds, volume, 4.0, 1e-3, 0), size, rtol=1e-14)
+
+
+SCENE = {
+    "dimension": 2,
+    "spacing": 0.01,
+    "materials": {"sand": {"model": "arena", "do_variability": True, "weibull_seed": 0}},
+    "bodies": [
+        {"name": "b", "material": "sand", "shape": {"type": "box", "lower": [0.0, 0.0], "upper": [0.05, 0.04]}}
+    ],
+    "stages": [{"name": "s", "type": "dynamics", "duration": 1e-3}],
+}
+
+
+@pytest.mark.parametrize("scheme", ["bond_projected", "sub_horizon", "standard"])
+def test_size_effect_goes_by_the_volume_of_the_points(scheme):
+    """All rows of a regular grid have the strength of a specimen of one cell, whatever their share of it."""
+    sim = build(parse_scene({**SCENE, "correspondence": scheme}), MPI.COMM_SELF)
+    sim.start()
+    block = sim.bonds.blocks[0]
+    column = [f.name for f in block.material.state_fields].index("strength_factor")
+    factors = block.state[block.active, column]
+    assert len(factors) >= 20
+    np.testing.assert_allclose(factors, (1e-3 / 0.01**2) ** 0.25, rtol=1e-12)
+
+
+def test_bond_of_unlike_points_has_the_size_of_their_mean(tmp_path):
+    volume = np.tile([1e-4, 3e-4], 10)  # by column
+    lines = [f"{0.01 * (k % 4)},{0.01 * (k // 4)},{v}" for k, v in enumerate(volume)]
+    (tmp_path / "points.csv").write_text("\n".join(["x,y,volume", *lines]))
+    shape = {"type": "points", "file": "points.csv"}
+    sim = build(parse_scene({**SCENE, "bodies": [{"name": "b", "material": "sand", "shape": shape}]}, tmp_path),
+                MPI.COMM_SELF)  # fmt: skip
+    sim.start()
+    block = sim.bonds.blocks[0]
+    mean = volume[sim.bonds.pairs.ids[block.pair[block.active]]].mean(axis=1)
+    assert np.unique(np.round(mean, 9)).tolist() == [1e-4, 2e-4, 3e-4]
+    np.testing.assert_allclose(block.state[block.active, 4], (1e-3 / mean) ** 0.25, rtol=1e-12)
+
+
+def test_scene_that_gives_suction_to_arena_is_refused():
+    water = {"suction": 1e4, "retention": {"set": "fitted"}}
+    with pytest.raises(InputError, match="'arena' has its own pore pressure; remove 'pore_water'"):
+        parse_scene({**SCENE, "pore_water": water})
 
 
 def test_strength_factor_scales_the_surface():
