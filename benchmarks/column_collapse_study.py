@@ -28,15 +28,15 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="spacing 5 mm, pictures and table into the folder")
     parser.add_argument("--only", default="*", metavar="PATTERN", help="only cases whose name matches")
-    parser.add_argument("--folder", type=Path, help="where the runs are kept")
+    parser.add_argument("--folder", type=Path, default=Path("column_collapse"), help="where the runs are kept")
     parser.add_argument("--draw", action="store_true", help="run nothing")
     arguments = parser.parse_args()
-    folder = (arguments.folder or Path("column_collapse_quick" if arguments.quick else "column_collapse")).resolve()
+    folder = arguments.folder.resolve()
     study = Study(STUDY, QUICK_SPACING if arguments.quick else None)
     failed = [] if arguments.draw else run_all(study, arguments.only, folder)
     done = {case: folder / case.name for case in study.cases if is_finished(folder / case.name)}
     spacing = QUICK_SPACING if arguments.quick else 2.5e-3
-    figures.draw_all(done, spacing, folder if arguments.quick else ROOT / "docs" / "figures")
+    figures.draw_all(done, spacing, folder / "pictures" if arguments.quick else ROOT / "docs" / "figures")
     rows = table.lines(done)
     print("\n".join(rows))
     if arguments.quick:

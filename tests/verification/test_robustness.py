@@ -12,13 +12,13 @@ ROBUSTNESS = importlib.util.module_from_spec(_SPEC)
 _SPEC.loader.exec_module(ROBUSTNESS)
 
 
-@pytest.mark.parametrize("number", [0, 3, 7])
+@pytest.mark.parametrize("number", [0, 3, 7, 8])
 def test_a_random_column_falls_without_harm(number):
     draw = ROBUSTNESS.draw(number)
     outcome = ROBUSTNESS.run(draw, spacing=0.01, duration=0.1)
     assert outcome.sound, outcome
     assert outcome.speed > 0.05, "nothing fell"
-    assert outcome.height_left < draw.height / ROBUSTNESS.HALF_WIDTH + 1e-3
+    assert outcome.height_left < (draw.height + 0.01 * draw.jitter) / ROBUSTNESS.HALF_WIDTH + 1e-3  # nothing rose
 
 
 def test_draws_are_reproducible_and_spread():
