@@ -212,9 +212,14 @@ def test_killed_runs_resume_and_end_alike(tmp_path):
 def test_a_full_disk_ends_the_run_with_a_word(tmp_path):
     """A limit on the size of files stands in for the disk's: what was written before stays."""
     write_scene(tmp_path, column(checkpoint={"interval": 1e-3}))
-    script = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000)); " \
-             "import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); from periporo.core import cli; " \
-             "sys.exit(cli.main(['scene.yaml', '--quiet', '--no-plot']))"  # fmt: skip
+    script = """
+import resource, signal, sys
+from mpi4py import MPI
+from periporo.core import cli
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))
+sys.exit(cli.main(["scene.yaml", "--quiet", "--no-plot"]))
+"""
     run = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, timeout=120, capture_output=True, text=True)
     assert run.returncode == 2, run.stderr
     assert "cannot write" in run.stderr and "File too large" in run.stderr and "Traceback" not in run.stderr
