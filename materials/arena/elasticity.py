@@ -3,7 +3,7 @@
 import math
 
 from periporo.core.jit import kernel
-from periporo.materials.arena.compiled import inlined
+from periporo.materials.arena.compiled import inlined, power
 from periporo.materials.arena.constants import unpack_elasticity, unpack_pores
 from periporo.materials.arena.pores import (
     AIR_EXPONENT,
@@ -27,7 +27,7 @@ def drained_bulk(m, p):
     grain = GRAIN_BULK_MODULUS + GRAIN_SLOPE * (p - GRAIN_REFERENCE)
     d = m.b1 * grain - m.b2 * p
     y = m.b3 * p / d  # elastic strain to the power b4
-    curve = m.curve * y**m.exponent * d
+    curve = m.curve * power(y, m.exponent) * d
     d_slope = m.b1 * GRAIN_SLOPE - m.b2
     bulk = (m.b0 * grain * grain + curve * d) * _INVERSE_GRAIN
     slope = 2.0 * m.b0 * grain * GRAIN_SLOPE + curve * (m.exponent * d / p + (2.0 - m.exponent) * d_slope)

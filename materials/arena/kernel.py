@@ -126,6 +126,15 @@ def _shares(u, w, u0, e1, e2):
 
 
 @inlined
+def _is_overstressed(stress, state, row, static_column, components):
+    """Whether the stress of a row differs from its quasi-static stress; not before it first yields."""
+    for k in range(components):
+        if stress[row, k] != state[row, static_column + k]:
+            return True
+    return False
+
+
+@inlined
 def _rate_time(control, dt, tr, ee):
     """Time step over relaxation time T1 rate^-T2 (eq. 83), infinite in quasi-static relaxation."""
     if dt == math.inf:
@@ -150,6 +159,8 @@ def update_rows(elasticity, pores, surface, strengths, controls, columns, stress
     time_column, factor_column, static_column = columns[0], columns[1], columns[2]
     viscous = static_column >= 0
     for b in range(stress.shape[0]):
+        if state[b, STRENGTH] == 0.0:
+            continue  # a row without state: a bond that is longer than the horizon still
         tr, e = _split(increment, b, 0, components)
         if viscous:
             i1, s = _split(state, b, static_column, components)
@@ -175,7 +186,9 @@ def update_rows(elasticity, pores, surface, strengths, controls, columns, stress
         over_trace = over_s = over_e = 0.0
         if bulk > 0.0:
             trace, s_share, e_share = i1 + 3.0 * bulk * tr, 1.0, 2.0 * shear
-            memory = math.exp(-_rate_time(control, dt, tr, ee)) if viscous else 0.0
+            memory = 0.0
+            if viscous and _is_overstressed(stress, state, b, static_column, components):
+                memory = math.exp(-_rate_time(control, dt, tr, ee))
         else:
             u0, e1, e2 = _basis(ss, se, ee)
             row = (i1, u0, 0.0, state[b, EVP], p, row[5])

@@ -7,7 +7,7 @@ hydrostatic compressive strength follow from it in closed form; nothing is integ
 import math
 
 from periporo.core.jit import kernel
-from periporo.materials.arena.compiled import inlined
+from periporo.materials.arena.compiled import inlined, power
 from periporo.materials.arena.constants import unpack_pores
 
 AIR_EXPONENT = 1.4  # gamma of air; K_a = gamma (p + p_r), p is the gauge pressure
@@ -26,7 +26,7 @@ def water_bulk_modulus(p):
 @inlined
 def air_volume(c, p):
     """Volume of the air relative to the start: adiabatic compression from the initial pressure."""
-    return ((p + ATMOSPHERE) / (c.pressure + ATMOSPHERE)) ** (-1.0 / AIR_EXPONENT)
+    return power((p + ATMOSPHERE) / (c.pressure + ATMOSPHERE), -1.0 / AIR_EXPONENT)
 
 
 @inlined
@@ -34,21 +34,21 @@ def water_volume(c, p):
     """Volume of the water relative to the start, and its tangent stiffness -V dp/dV, Pa."""
     stiffness = water_bulk_modulus(p)
     if c.logarithmic_water:
-        return (stiffness / water_bulk_modulus(c.pressure)) ** (-1.0 / WATER_SLOPE), stiffness
+        return power(stiffness / water_bulk_modulus(c.pressure), -1.0 / WATER_SLOPE), stiffness
     rise = p - c.pressure
     return math.exp(-rise / stiffness), stiffness * stiffness / (stiffness - WATER_SLOPE * rise)
 
 
 @inlined
 def _air_pressure(c, volume):
-    return (c.pressure + ATMOSPHERE) * volume ** (-AIR_EXPONENT) - ATMOSPHERE
+    return (c.pressure + ATMOSPHERE) * power(volume, -AIR_EXPONENT) - ATMOSPHERE
 
 
 @inlined
 def _water_pressure(c, volume):
     initial = water_bulk_modulus(c.pressure)
     if c.logarithmic_water:
-        return c.pressure + initial * (volume ** (-WATER_SLOPE) - 1.0) / WATER_SLOPE
+        return c.pressure + initial * (power(volume, -WATER_SLOPE) - 1.0) / WATER_SLOPE
     strain = -math.log(volume)
     return c.pressure + strain * initial / (1.0 - WATER_SLOPE * strain)
 
@@ -111,7 +111,7 @@ def harden(c, evp, guess):
     if evp > 0.0:
         ratio = -growth * (1.0 - c.phi0) / (c.phi0 * volume)  # phi0/phi - 1 without cancellation
         porosity = c.phi0 * volume / shrink
-        crush = c.p1 * ratio**c.inverse_p2
+        crush = c.p1 * power(ratio, c.inverse_p2)
         dcrush = crush * c.inverse_p2 / ratio * c.phi0 * (1.0 - porosity) / (porosity * porosity)
     factor = 1.0 - (1.0 - c.p1_sat) * saturation
     drained = c.minimum_strength - c.p0 + crush
