@@ -1,0 +1,125 @@
+"""Checkpoint files and the decision when to write one."""
+
+import json
+import os
+import signal
+
+import h5py
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from periporo.core.interrupt import Interrupted, Keeper, Signals
+from periporo.core.state import capture, install, point_fields
+from periporo.io import checkpoint
+from periporo.io.vtkhdf import OutputError
+
+
+class Clock:
+    """A simulation that only has a step number, and a clock that shows it in seconds."""
+
+    comm, step_number, time = MPI.COMM_SELF, 0, 0.0
+
+    def __call__(self):
+        return float(self.step_number)
+
+
+def keeper_of(clock, signals=None, **times):
+    written = []
+
+    def write(sim):
+        written.append(sim.step_number)
+        return checkpoint.path_of(checkpoint.Path("run.h5"), sim.step_number)
+
+    return Keeper(write, signals or Signals(), clock=clock, message=written.append, **times), written
+
+
+def advance(keeper, clock, steps):
+    for clock.step_number in range(1, steps + 1):
+        keeper.check(clock)
+
+
+def test_checkpoints_by_the_clock():
+    clock = Clock()
+    keeper, written = keeper_of(clock, interval=25.0)
+    advance(keeper, clock, 100)
+    assert written == [30, 60, 90]  # at the first look, every ten steps, after the interval
+
+
+def test_the_wall_time_stops():
+    clock = Clock()
+    keeper, written = keeper_of(clock, walltime=45.0)
+    with pytest.raises(Interrupted, match="stopped at t = 0 s, step 50; checkpoint run.checkpoint-000000000050.h5"):
+        advance(keeper, clock, 100)
+    assert written == [50]
+
+
+def test_signals_are_wishes_until_they_are_granted():
+    clock, before = Clock(), signal.getsignal(signal.SIGTERM)
+    with Signals() as signals:
+        keeper, written = keeper_of(clock, signals)
+        os.kill(os.getpid(), signal.SIGUSR1)
+        advance(keeper, clock, 20)
+        assert written[0] == 10 and "checkpoint at t = " in written[1] and len(written) == 2
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL  # a second one kills
+        with pytest.raises(Interrupted):
+            advance(keeper, clock, 20)
+    assert signal.getsignal(signal.SIGTERM) == before
+
+
+@pytest.fixture
+def sim(started, scene_of):
+    result = started(scene_of(counts=(6, 5), stages=[{"name": "fall", "type": "dynamics", "duration": 1.0}]))
+    for _ in range(10):
+        result.step()
+    return result
+
+
+def test_a_file_holds_the_state(sim, tmp_path):
+    path = checkpoint.write(sim, tmp_path / "run.h5", json.dumps({"a": 1}), keep=2)
+    state, kept = checkpoint.read(path, MPI.COMM_SELF, json.dumps({"a": 1})), capture(sim)
+    assert path.name == "run.checkpoint-000000000010.h5" and set(state.points) == set(point_fields(sim))
+    assert all(np.array_equal(state.points[name], kept.points[name]) for name in kept.points)
+    assert np.array_equal(state.rows[0].stress, kept.rows[0].stress) and state.memory == kept.memory
+    assert sim.bonds.blocks[0].active.sum() == len(state.rows[0].ids)
+
+
+def test_the_last_ones_are_kept_and_halves_swept_away(sim, tmp_path):
+    (tmp_path / "run.checkpoint-000000000007.h5.partial").write_bytes(b"half")
+    (tmp_path / "other.checkpoint-000000000001.h5").write_bytes(b"another run's")
+    for sim.step_number in (10, 20, 30):
+        checkpoint.write(sim, tmp_path / "run.h5", "{}", keep=2)
+    names = sorted(p.name for p in tmp_path.iterdir())
+    assert names == ["other.checkpoint-000000000001.h5", *(f"run.checkpoint-{n:012d}.h5" for n in (20, 30))]
+    assert [p.name for p in checkpoint.existing(tmp_path / "run.h5")] == names[:0:-1]
+
+
+def test_damage_and_another_scene_are_told_apart(sim, tmp_path):
+    path = checkpoint.write(sim, tmp_path / "run.h5", json.dumps({"gravity": 1, "spacing": 2}), keep=1)
+    with pytest.raises(OutputError, match="the scene has another gravity"):
+        checkpoint.read(path, MPI.COMM_SELF, json.dumps({"gravity": 2, "spacing": 2}))
+    with h5py.File(path, "r+") as file:
+        del file["rows_0/state"]
+    with pytest.raises(checkpoint.CheckpointError, match="it is damaged"):
+        checkpoint.read(path, MPI.COMM_SELF, json.dumps({"gravity": 1, "spacing": 2}))
+
+
+def test_a_lost_folder_is_a_clear_error(sim, tmp_path):
+    with pytest.raises(OutputError, match="cannot write the checkpoint .*gone/run.checkpoint-.*: No such file"):
+        checkpoint.write(sim, tmp_path / "gone" / "run.h5", "{}", keep=1)
+
+
+def test_a_state_put_back_goes_on_to_the_last_bit(sim):
+    state = capture(sim)
+    for _ in range(15):
+        sim.step()
+    first = {name: getattr(sim.particles, name).copy() for name in point_fields(sim)}
+    clock = sim.memory()
+    install(sim, state)
+    for _ in range(15):
+        sim.step()
+    assert sim.memory() == clock
+    for name, values in first.items():
+        n = sim.particles.owned
+        assert np.array_equal(values[:n], getattr(sim.particles, name)[:n]), name
