@@ -13,18 +13,20 @@ from periporo.io.results import ResultError, open_results
 from periporo.io.yaml_source import read_yaml
 
 HALF_WIDTH = 0.05  # m
-DURATION = 1.5  # s, three times what the tallest column needs
 FIELDS = [
     "displacement", "velocity", "stress", "equivalent_shear_strain", "volumetric_strain", "integrity",
     "contact_force", "friction_force",
 ]  # fmt: skip
 SCENE, RESULT = "column.yaml", "column.h5"
-_KEYS = ("set", "height", "spacing", "friction", "suction", "variant")
+_KEYS = ("set", "height", "spacing", "friction", "suction", "variant", "duration")
 
 
 @dataclass(frozen=True)
 class Case:
-    """A column: `height` m, `spacing` m, `friction` of the floor, `suction` Pa or None for dry soil."""
+    """A column: `height` m, `spacing` m, `friction` of the floor, `suction` Pa or None for dry soil.
+
+    It is followed for `duration` s, or until it rests; that is not part of its name.
+    """
 
     set: str
     height: float
@@ -32,6 +34,7 @@ class Case:
     friction: float
     suction: float | None
     variant: str | None
+    duration: float
 
     @property
     def name(self) -> str:
@@ -73,7 +76,7 @@ class Study:
         scene["boundaries"]["left"]["where"] = {"upper": [-wall, None]}
         scene["boundaries"]["right"]["where"] = {"lower": [wall, None]}
         scene["contacts"][0]["friction"] = case.friction
-        scene["stages"][-1]["duration"] = DURATION
+        scene["stages"][-1]["duration"] = case.duration
         if case.suction is not None:
             scene["pore_water"] = {"suction": case.suction, "retention": {"set": "fitted"}}
         scene["output"] = {"interval": 0.01, "fields": FIELDS, "history_interval": 100, "file": RESULT}

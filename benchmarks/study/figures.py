@@ -51,8 +51,9 @@ class _Book:
 
     def folder(self, chosen, height, **key) -> Path | None:
         """Folder of a run without variant, or None."""
-        key = {"friction": SET_FRICTION[chosen], "suction": None, "variant": None} | key
-        return self.done.get(Case(set=chosen, height=height, spacing=self.spacing, **key))
+        key = {"friction": SET_FRICTION[chosen], "suction": None, "variant": None, "spacing": self.spacing} | key
+        wanted = {"set": chosen, "height": height} | key
+        return next((f for c, f in self.done.items() if all(getattr(c, k) == v for k, v in wanted.items())), None)
 
     def initial_stress(self, path):
         """Vertical stress after settling, with the marked points (figure 16)."""
@@ -61,7 +62,7 @@ class _Book:
             shown = _body(ax, self.folder("paper", height), 0.0, "stress", (-3.5, 0.0))
             ax.plot(MARK[0], MARK[1] * height, "o", mfc="none", mec="w", ms=7, mew=1.5)
             ax.set(title=f"H = {height:g} m", xlim=(-0.06, 0.06), ylim=(0, 0.21))
-            _colour_bar(figure, shown, ax, "vertical stress, kPa")
+        _colour_bar(figure, shown, axes, "vertical stress, kPa")
         _save(figure, path)
 
     def in_time(self, chosen, field, path):
@@ -96,7 +97,8 @@ class _Book:
                     ax.plot(*_averages(place, force[order], 4 * self.spacing), color=colour, label=f"H = {height:g} m")
         for ax, label in zip(axes, ("normal force, N/m per point", "friction, N/m per point"), strict=True):
             ax.set(xlabel="x, m", ylabel=label)
-            ax.legend()
+        if axes[0].get_lines():
+            axes[0].legend()
         _save(figure, path)
 
     def aspect_ratio(self, path):
@@ -108,8 +110,9 @@ class _Book:
         axes[1].plot(a, lube_height(a), "k-", lw=1, label="Lube et al. 2005")
         for colour, chosen in zip(COLOURS, SET_FRICTION, strict=False):
             for spacing, marker in ((5e-3, "^"), (2.5e-3, "o"), (1.25e-3, "D")):
-                runs = [(c.height / HALF_WIDTH, measure(c, f)) for c, f in self.done.items()
-                        if c == Case(chosen, c.height, spacing, SET_FRICTION[chosen], None, None)]  # fmt: skip
+                folders = [self.folder(chosen, height, spacing=spacing) for height in HEIGHTS]
+                runs = [(h / HALF_WIDTH, measure(self._case_of(f), f))
+                        for h, f in zip(HEIGHTS, folders, strict=True) if f is not None]  # fmt: skip
                 style = {"color": colour, "marker": marker, "ls": "", "label": f"{chosen}, {1e3 * spacing:g} mm"}
                 if runs:
                     axes[0].plot([x for x, _ in runs], [m.run_out for _, m in runs], **style)
@@ -149,8 +152,9 @@ class _Book:
             axes[1, row].set(xlabel="time, s", ylabel="equivalent shear strain", xlim=(0, 0.6),
                              title=f"marked point, H = {height:g} m")  # fmt: skip
         for ax, label in zip(axes[0], ("run-out / half-width", "height / half-width"), strict=False):
-            ax.set(xticks=range(len(values)), xticklabels=[_named(name, v) for v in values], ylabel=label)
-            ax.tick_params(axis="x", labelsize=8)
+            short = [_named(name, v).split("=")[-1].removesuffix(" kPa") for v in values]
+            ax.set(xticks=range(len(values)), xticklabels=short, ylabel=label)
+            ax.set_xlabel({"suction": "suction, kPa", "friction": "friction of the floor"}[name])
         handles = [*axes[0, 0].get_lines(), *axes[1, 1].get_lines()]
         axes[0, 2].legend(handles=handles, loc="center")
         _save(figure, path)

@@ -36,8 +36,8 @@ class Measured:
 
     @property
     def at_rest(self) -> bool:
-        """Whether motion has died out, by energy or in absolute terms."""
-        return self.kinetic <= 1.01e-6 or self.speed < 1e-3
+        """Whether motion has died out, by energy or in absolute terms: as after a fall of a micrometre."""
+        return self.kinetic <= 1.01e-6 or self.speed < 5e-3
 
 
 def measure(case: Case, folder: Path) -> Measured:
