@@ -37,7 +37,7 @@ def block(dimension, side, material, horizon=2.2, scheme="bond_projected"):
     return sim
 
 
-def shear(sim, rate=1.0):
+def shear(sim, rate=0.01):
     """Velocities of simple shear, strong enough to make every bond flow."""
     p = sim.particles
     p.velocity[:] = 0.0
