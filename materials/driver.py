@@ -1,12 +1,13 @@
 """One material point along a path: `periporo drive MATERIAL.yaml PATH.csv -o folder`.
 
 Rows of the path are divided into substeps. Strain is given, or found by Newton's method where stress is
-given; a path of deformation gradients is followed by the same objective kinematics as in a simulation.
+given; a path of deformation gradients is followed by rotations and logarithmic strains.
 """
 
 import argparse
 import dataclasses
 import importlib.util
+import math
 import sys
 from pathlib import Path
 
@@ -31,6 +32,7 @@ from periporo.materials.driver_point import MaterialPoint, StressNotReached
 from periporo.materials.protocol import Material
 
 _MAX_HALVINGS = 8
+_NEAR = 0.15  # size of F_2 F_1^-1 - I
 
 
 def drive(
@@ -63,12 +65,18 @@ def drive(
 
 
 def _follow_gradient(point: MaterialPoint, path: DeformationPath, substeps: int):
-    """Advance from row to row; the deformation gradient is linear in time between them."""
+    """Advance from row to row; the deformation gradient is linear in time between rows that are far apart.
+
+    Rows that are nearer than `_NEAR` are joined by an even strain and rotation instead: the chord between two
+    rotations would strain the point.
+    """
     for row in range(1, len(path.time)):
         start, change = path.gradient[row - 1], path.gradient[row] - path.gradient[row - 1]
-        dt = (path.time[row] - path.time[row - 1]) / substeps
-        for k in range(substeps):
-            point.deform(start + k / substeps * change, start + (k + 1) / substeps * change, dt)
+        parts = max(1, math.ceil(np.linalg.norm(change @ np.linalg.inv(start)) / _NEAR))
+        dt = (path.time[row] - path.time[row - 1]) / parts
+        for k in range(parts):
+            ends = start + k / parts * change, start + (k + 1) / parts * change
+            point.deform(*ends, dt, math.ceil(substeps / parts))
         yield
 
 

@@ -34,21 +34,19 @@ class MaterialPoint:
         self.material.compute_stress(self.stress, increment.reshape(1, 6), self.state, dt)
         self.strain += increment
 
-    def deform(self, start: np.ndarray, end: np.ndarray, dt: float) -> None:
+    def deform(self, start: np.ndarray, end: np.ndarray, dt: float, substeps: int = 1) -> None:
         """Advance from the deformation gradient `start` to `end` (3, 3) over `dt` s.
 
-        G' = dF F_end^-1, G = G' (I - G'/2)^-1; stress, tensor state and strain turn with Q = (I - W/2)^-1
-        (I + W/2), W = skew G (Hughes & Winget 1980), the increment sym G with the half of that rotation.
+        F_end F_start^-1 = R U: the point is strained by ln U, evenly in `substeps`, and then turned by R with its
+        tensors. Exact for any rotation of a stretch along fixed axes; second order to Jaumann's rate else.
         """
-        identity = np.eye(3)
-        gradient = (end - start) @ np.linalg.inv(end)
-        gradient = gradient @ np.linalg.inv(identity - 0.5 * gradient)
-        spin = 0.5 * (gradient - gradient.T)
-        rotation = np.linalg.solve(identity - 0.5 * spin, identity + 0.5 * spin)
-        half = np.linalg.solve(identity - 0.25 * spin, identity + 0.25 * spin)
-        increment = half @ (0.5 * (gradient + gradient.T)) @ half.T
-        self._rotate(rotation)
-        self.strain_by(from_matrix(increment[None], 6)[0], dt)
+        change = (end - start) @ np.linalg.inv(start)
+        green, axes = np.linalg.eigh(0.5 * (change + change.T + change.T @ change))
+        increment = (axes * (0.5 * np.log1p(2.0 * green))) @ axes.T
+        shrink = (axes / np.sqrt(1.0 + 2.0 * green)) @ axes.T
+        for _ in range(substeps):
+            self.strain_by(from_matrix(increment[None], 6)[0] / substeps, dt / substeps)
+        self._rotate((np.eye(3) + change) @ shrink)
 
     def _rotate(self, rotation: np.ndarray) -> None:
         def turned(rows):

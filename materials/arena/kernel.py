@@ -128,10 +128,10 @@ def _shares(u, w, u0, e1, e2):
 @inlined
 def _is_overstressed(stress, state, row, static_column, components):
     """Whether the stress of a row differs from its quasi-static stress; not before it first yields."""
+    overstressed = False
     for k in range(components):
-        if stress[row, k] != state[row, static_column + k]:
-            return True
-    return False
+        overstressed |= stress[row, k] != state[row, static_column + k]
+    return overstressed
 
 
 @inlined

@@ -14,6 +14,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from periporo.materials.arena import Arena
+from periporo.materials.driver import drive
+from periporo.materials.driver_paths import STRAIN_COLUMNS, STRESS_COLUMNS, StrainPath, built_in_path
 
 P = {f: d.default for f, d in Arena.model_fields.items()}
 TENSOR = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # weights of a double contraction
@@ -125,7 +127,7 @@ class Reference:
         """Stress and evp after a straight strain increment; elastic and plastic parts alternate."""
         time, y = 0.0, np.append(stress, evp)
         plastic = self.yield_function(y[:6], y[6]) > -1e-7 * (1e3 + np.abs(y[:6]).max()) ** 2
-        plastic = plastic and self.rates(y[:6], y[6], increment)[1] > 0
+        plastic = plastic and self.rates(y[:6], y[6], increment)[1] >= 0
 
         def right(t, y):
             elastic, multiplier, back, growth = self.rates(y[:6], y[6], increment)
@@ -188,3 +190,68 @@ def test_cyclic_and_non_proportional(parameters):
 def test_saturated_shear():
     """Undrained: the pore pressure carries the compression, the shear moves along the limit surface."""
     compare([[-0.003, 0, 0, 0, 0, 0], SHEAR, [0, 0, 0, -0.01, 0, 0.01]], 2e-5, initial_saturation=1.0)
+
+
+def driven(corners, rows=10, substeps=10, **parameters):
+    """Stress and volumetric plastic strain (corners + 1, ...) of the driver at the corners of a strain path."""
+    corners = np.array([[0.0] * 6, *corners])
+    place = np.arange(rows * (len(corners) - 1) + 1) / rows
+    strain = np.stack([np.interp(place, np.arange(len(corners)), column) for column in corners.T], axis=1)
+    columns = drive(Arena(T1=0.0, T2=0.0, **parameters), StrainPath("path", place, strain), substeps)
+    stress = np.stack([columns[name] for name in STRESS_COLUMNS], axis=1)
+    return np.diff(corners, axis=0), stress[::rows], columns["volumetric_plastic_strain"][::rows]
+
+
+def assert_follows(increments, stress, evp, accuracy, first=0, **parameters):
+    """The rate equations from the state `first` on come to the same stresses and strains."""
+    reference, other, strain = Reference(**parameters), stress[first], evp[first]
+    scale = np.abs(stress).max()
+    for k in range(first, len(increments)):
+        other, strain = reference.follow(other, strain, increments[k])
+        assert np.abs(stress[k + 1] - other).max() < accuracy * scale
+        assert abs(evp[k + 1] - strain) < accuracy
+
+
+TURNING_SHEAR = [
+    [-0.022, -0.02, -0.02, 0, 0, 0],
+    [-0.024, -0.02, -0.02, 0.02, 0, 0],
+    [-0.024, -0.02, -0.02, 0.02, 0.02, 0],
+    [-0.024, -0.02, -0.02, 0, 0.02, 0.02],
+    [-0.03, -0.01, -0.02, 0, 0, 0],
+]
+LARGE_CYCLES = [[e, 0, 0, 0, 0, 0] for e in (-0.06, -0.05, -0.10, -0.085, -0.14)]
+
+
+@pytest.mark.parametrize("saturation", [0.3, 0.6, 0.9])
+@pytest.mark.parametrize("corners", [TURNING_SHEAR, LARGE_CYCLES], ids=["turning", "cycles"])
+def test_driver_on_partly_saturated_paths(corners, saturation):
+    """At 10 substeps a row; at S0 = 0.9 the pores fill with water on the way, and the stress rises to 350 MPa."""
+    result = driven(corners, initial_saturation=saturation)
+    assert_follows(*result, 2e-4, initial_saturation=saturation)
+
+
+@pytest.mark.parametrize("extension", [[0.01, 0.01, 0.01, 0, 0, 0], [0.02, 0, 0, 0, 0, 0]], ids=["all", "one"])
+@pytest.mark.parametrize("saturation", [0.0, 0.3])
+def test_driver_through_extension_and_recompression(extension, saturation):
+    """Isotropic extension ends at the vertex, without pore pressure; from there back to 6 MPa."""
+    corners = [[-0.02, -0.005, -0.005, 0, 0, 0], extension, [-0.03, -0.01, -0.01, 0.004, 0, 0]]
+    increments, stress, evp = driven(corners, initial_saturation=saturation)
+    assert stress[2, :3].sum() <= 1000.0 * (1 + 1e-9)
+    if extension[1]:
+        assert stress[2] == pytest.approx(1000.0 / 3 * UNIT, abs=1e-6)
+    assert evp[2] < -0.01
+    assert_follows(increments, stress, evp, 1e-4, first=2, initial_saturation=saturation)
+
+
+@pytest.mark.parametrize("saturation", [0.0, 0.5])
+def test_driver_with_stress_control(saturation):
+    """Triaxial compression: the lateral stress stays, and the strains that were found give the stress."""
+    parameters = {"initial_saturation": saturation, "p0": 3e6}
+    path = built_in_path("triaxial", "confining=1e6,strain=0.06,rows=20")
+    columns = drive(Arena(T1=0.0, T2=0.0, tolerance=1e-5, **parameters), path, substeps=1)
+    stress = np.stack([columns[name] for name in STRESS_COLUMNS], axis=1)
+    strain = np.stack([columns[name] for name in STRAIN_COLUMNS], axis=1)
+    assert np.allclose(stress[:, [0, 2]], -1e6, rtol=1e-6)
+    evp = columns["volumetric_plastic_strain"]
+    assert_follows(np.diff(strain, axis=0), stress, evp, 1e-4, **parameters)
+    assert evp[-1] > 1e-3 and stress[-1, 1] < -2e6
