@@ -72,7 +72,10 @@ class Ledger:
         p = self._particles
         v = p.velocity[: p.owned]
         kinetic = 0.5 * p.mass * (v * v).sum(axis=1)
-        return self._named(exact_sum(self._comm, np.concatenate([kinetic[:, None], p.work], axis=1)))
+        entries = self._named(exact_sum(self._comm, np.concatenate([kinetic[:, None], p.work], axis=1)))
+        if "plastic_dissipation" in p.fields:  # a part of the internal energy that its laws report
+            entries["plastic_dissipation"] = float(exact_sum(self._comm, p.plastic_dissipation)[0])
+        return entries
 
     def rough_entries(self) -> dict[str, float]:
         """As `entries` by plain sums: much quicker, but the last digits depend on the ranks."""

@@ -213,7 +213,7 @@ def _summary(sim, history, vertical) -> list[str]:
     regular = p.share[:n, 1] > 0.0
     front = quantile(sim.comm, across[regular], 0.99) + 0.5 * sim.spacing
     lost = sim.comm.allreduce(int((~regular).sum()))
-    energies = [name for name, unit in history.UNITS.items() if unit == "J"]
+    energies = [name for name in last if history.UNITS.get(name) == "J"]
     ledger = [f"  {name.replace('_', ' '):22s} {last[name]:+.6e} J" for name in energies]
     error = abs(last["energy_residual"] - last["integration_term"])
     return [

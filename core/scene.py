@@ -7,6 +7,7 @@ from periporo.core.correspondence.bond_projected import BondProjected
 from periporo.core.correspondence.standard import Standard
 from periporo.core.correspondence.sub_horizon import SubHorizon
 from periporo.core.correspondence.sub_horizon_published import SubHorizonPublished
+from periporo.core.dissipation import PlasticDissipation, reports
 from periporo.core.fields import StrainMeasures
 from periporo.core.geostatic import GeostaticStress, uniform_stress
 from periporo.core.particles import Particles
@@ -41,6 +42,10 @@ def build(scene, comm) -> Simulation:
     strains = StrainMeasures()
     strains.attach(particles)
     sim.point_processes.append(strains)
+    if any(reports(m) for m in materials):
+        dissipation = PlasticDissipation()
+        dissipation.attach(particles)
+        sim.point_processes.append(dissipation)
     if water is not None:
         water.attach(particles, sim.halo)
         sim.point_processes.append(water)
