@@ -13,6 +13,7 @@ from periporo.core.timing import Timing
 
 _MARGIN = 1.0 + 1e-9  # of the ghosts' reach, so that both ranks of a pair list it whatever the rounding
 _OFTEN, _SELDOM = 30, 90  # steps between rebuilds that call for a thicker, or a thinner, skin
+_THINNEST = 0.1  # skin, over the largest
 _IMBALANCE = 1.07  # of the bonds per rank, above which space is divided anew
 _REMEMBERED = ("time", "_carry", "dt", "step_number", "stage_number", "skin", "rebuild_count", "rebuilt_at")
 
@@ -31,7 +32,7 @@ class Simulation:
         self.scheme = scheme
         self.spacing = spacing
         self.largest_skin = skin
-        self.skin = skin / 3
+        self.skin = _THINNEST * skin
         self.time_step = time_step
         self.halo = Halo(comm)
         self.bonds = Bonds(particles, self.materials, scheme.rows)
@@ -82,7 +83,7 @@ class Simulation:
         """
         steps = self.step_number - self.rebuilt_at
         if steps > _SELDOM:
-            self.skin = max(0.7 * self.skin, 0.1 * self.largest_skin)
+            self.skin = max(0.7 * self.skin, _THINNEST * self.largest_skin)
         elif 0 < steps < _OFTEN:
             self.skin = min(self.skin / 0.7, self.largest_skin)
 

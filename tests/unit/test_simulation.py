@@ -120,4 +120,4 @@ def test_start_leaves_the_body_where_it_is(cloud, grid):
     position = grid(4, 4, spacing=SPACING)
     sim = cloud(position)
     assert (sim.particles.position == position).all() and sim.time == 0.0 and sim.step_number == 0
-    assert sim.reach == pytest.approx(2.3 * SPACING) and sim.rebuild_count == 1
+    assert sim.reach == pytest.approx(2.23 * SPACING) and sim.rebuild_count == 1
