@@ -26,7 +26,7 @@ def points(contact, position, velocity):
     n = len(position)
     owned = {f.name: np.zeros((n,) if f.columns is None else (n, f.columns), f.dtype) for f in p.migrating()}
     owned |= {"id": np.arange(n), "position": position, "reference_position": position, "velocity": velocity}
-    owned |= {"mass": np.full(n, MASS), "volume": np.ones(n), "jacobian": np.ones(n)}
+    owned |= {"mass": np.full(n, MASS), "volume": np.ones(n), "dilation": np.ones(n)}
     p.replace(owned, 0)
     p.jacobian[:] = 1.0
     return p, forces

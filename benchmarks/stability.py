@@ -65,7 +65,7 @@ def block(counts, scheme, influence, m, jitter, safety=1.0, seed=3) -> Simulatio
         time_step=StableTimeStep(safety, None, 10),
     )  # fmt: skip
     owned = {f.name: np.zeros(n if f.columns is None else (n, f.columns), f.dtype) for f in particles.migrating()}
-    owned |= {"id": np.arange(n), "position": position, "volume": np.full(n, SPACING**d), "jacobian": np.ones(n)}
+    owned |= {"id": np.arange(n), "position": position, "volume": np.full(n, SPACING**d), "dilation": np.ones(n)}
     owned["mass"] = DENSITY * owned["volume"]
     owned["initial_position"] = owned["reference_position"] = position.copy()
     particles.replace(owned, 0)

@@ -113,7 +113,7 @@ def _columns(sim, rows, offends):
     vectors |= {f"{name} force [N]": getattr(p, f"{name}_force") for name in sim.forces.names}
     for name, array in vectors.items():
         columns |= {f"{axis} {name}": array[rows, a] for a, axis in enumerate(axes)}
-    columns |= {"volume [m^3]": p.volume[rows], "integrity": p.share[rows, 1]}
+    columns |= {"volume [m^3]": p.present_volume()[rows], "integrity": p.share[rows, 1]}
     sim.bonds.average(p, rows)
     stress = np.zeros((len(rows), p.components))
     for block in sim.bonds.blocks:

@@ -12,9 +12,9 @@ DEFAULT = ("displacement", "velocity", "stress", "equivalent_shear_strain", "vol
 _PLAIN = {  # name -> unit and how to get it from the particles, owned rows
     "displacement": ("m", lambda p, n: p.position[:n] - p.initial_position[:n]),
     "velocity": ("m/s", lambda p, n: p.velocity[:n]),
-    "volume": ("m^3", lambda p, n: p.volume[:n]),
+    "volume": ("m^3", lambda p, n: p.present_volume()),
     "mass": ("kg", lambda p, n: p.mass[:n]),
-    "density": ("kg/m^3", lambda p, n: p.mass[:n] / p.volume[:n]),
+    "density": ("kg/m^3", lambda p, n: p.mass[:n] / p.present_volume()),
     "material": ("", lambda p, n: p.material[:n]),
     "body": ("", lambda p, n: p.body[:n]),
     "integrity": ("1", lambda p, n: p.share[:n, 1]),

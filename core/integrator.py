@@ -8,14 +8,8 @@ from periporo.core.particles import Particles
 
 
 def first_kick(p: Particles, forces: ForceChannels, dt: float) -> None:
-    """Velocity from t to t + dt/2; the volumes take the last step's change.
-
-    Volumes change only here, so that force and strain of a step use the same ones and remain conjugate, and
-    ghosts never lag behind.
-    """
-    _first_kick(
-        p.owned, dt, p.mass, p.velocity, p.previous_velocity, p.volume, p.jacobian, forces.arrays(), p.dim
-    )
+    """Velocity from t to t + dt/2."""
+    _first_kick(p.owned, dt, p.mass, p.velocity, p.previous_velocity, forces.arrays(), p.dim)
 
 
 def drift(p: Particles, forces: ForceChannels, dt: float) -> float:
@@ -28,18 +22,16 @@ def drift(p: Particles, forces: ForceChannels, dt: float) -> float:
 
 
 def second_kick(p: Particles, forces: ForceChannels, dt: float) -> None:
-    """Velocity from t + dt/2 to t + dt."""
+    """Velocity from t + dt/2 to t + dt; the dilation takes this step's change."""
     _second_kick(
-        p.owned, dt, p.mass, p.velocity, p.previous_velocity, p.work, forces.arrays(), forces.columns(), INTEGRATION,
-        p.dim,
+        p.owned, dt, p.mass, p.velocity, p.previous_velocity, p.dilation, p.jacobian, p.work, forces.arrays(),
+        forces.columns(), INTEGRATION, p.dim,
     )  # fmt: skip
 
 
 @kernel
-def _first_kick(owned, dt, mass, velocity, previous, volume, jacobian, forces, dim):
+def _first_kick(owned, dt, mass, velocity, previous, forces, dim):
     for i in range(owned):
-        volume[i] *= jacobian[i]
-        jacobian[i] = 1.0
         factor = 0.5 * dt / mass[i]
         for a in range(len(dim)):
             total = 0.0
@@ -72,8 +64,9 @@ def _drift(owned, dt, mass, velocity, previous, position, reference, work, force
 
 
 @kernel
-def _second_kick(owned, dt, mass, velocity, previous, work, forces, columns, integration, dim):
+def _second_kick(owned, dt, mass, velocity, previous, dilation, jacobian, work, forces, columns, integration, dim):
     for i in range(owned):
+        dilation[i] *= jacobian[i]
         factor = 0.5 * dt / mass[i]
         gained = 0.0
         for c in range(len(forces)):

@@ -32,13 +32,14 @@ def standard_fields(dimension: int) -> tuple[Field, ...]:
         Field("group", None, "", dtype=np.int64),  # points of different groups do not bond
         Field("position", d, "m"),
         Field("velocity", d, "m/s"),
-        Field("volume", None, "m^3"),
+        Field("volume", None, "m^3"),  # at the start: a point's weight among its neighbours, so it stays
         Field("mass", None, "kg", sent=False),
         Field("reference_position", d, "m", sent=False),  # where the neighbours were found
         Field("initial_position", d, "m", sent=False),
-        Field("jacobian", None, "1", sent=False),  # volume ratio of the last step, to be applied
+        Field("dilation", None, "1", sent=False),  # present over initial volume
+        Field("jacobian", None, "1", migrates=False, sent=False),  # the same of this step alone
         # remade by the scheme in each step
-        Field("share", 2, "1/m^3, 1", migrates=False),  # integrity / sum of w V, and integrity
+        Field("share", 3, "1/m^3, 1, 1", migrates=False),  # J integrity / sum of w V, integrity, J integrity
         Field("shape_inverse", shape, "1/m^5", migrates=False),
         Field("gradient", matrix, "1/s", migrates=False),  # velocity gradient
         Field("flux", matrix, "Pa/m^5", migrates=False),  # Z K^-1 / V
@@ -69,6 +70,10 @@ class Particles:
     def _zeros(self, field: Field) -> np.ndarray:
         rows = self.total if field.sent else self.owned
         return np.zeros(rows if field.columns is None else (rows, field.columns), field.dtype)
+
+    def present_volume(self) -> np.ndarray:
+        """Volume (owned,) m^3 of the points after the last step."""
+        return self.volume[: self.owned] * self.dilation
 
     def migrating(self) -> list[Field]:
         """Fields that belong to a point, in their order in a migration message."""

@@ -155,7 +155,7 @@ class PoreWater:
             ratio = (1.0 - self.initial_porosity[p.material[:n]]) / (1.0 - p.porosity[:n])
             p.saturation[:] = self.curve.saturation(self.suction, p.porosity[:n], ratio)
             _exchange_water(
-                n, self.water_density, p.porosity, p.saturation, p.volume, p.jacobian, p.grain_mass, p.mass,
+                n, self.water_density, p.porosity, p.saturation, p.present_volume() * p.jacobian, p.grain_mass, p.mass,
                 p.velocity, p.work, p.dim,
             )  # fmt: skip
         p.pore_stress[:n] = p.saturation * self.suction
@@ -209,10 +209,10 @@ def _close_pores(owned, jacobian, porosity):
 
 @kernel
 def _exchange_water(
-    owned, water_density, porosity, saturation, volume, jacobian, grain_mass, mass, velocity, work, dim
+    owned, water_density, porosity, saturation, volume, grain_mass, mass, velocity, work, dim
 ):
     for i in range(owned):
-        wet = grain_mass[i] + water_density * saturation[i] * porosity[i] * volume[i] * jacobian[i]
+        wet = grain_mass[i] + water_density * saturation[i] * porosity[i] * volume[i]
         square = 0.0
         for a in range(len(dim)):
             square += velocity[i, a] ** 2

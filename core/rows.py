@@ -108,7 +108,7 @@ class PointRows:
     def volumes(self, block, pairs, particles, rows) -> np.ndarray:
         """Volume (n,) m^3 that each of the `rows` stands for."""
         i = block.first[rows]
-        return particles.volume[i] * particles.share[i, 1]
+        return particles.volume[i] * particles.share[i, 2]
 
 
 def _all_rows(block):

@@ -93,7 +93,7 @@ def _place_points(scene, comm, particles, materials, water, lattices):
     for field in particles.migrating():
         shape = (len(owned["id"]),) if field.columns is None else (len(owned["id"]), field.columns)
         owned.setdefault(field.name, np.zeros(shape, field.dtype))
-    owned["jacobian"] = np.ones(len(owned["id"]))
+    owned["dilation"] = np.ones(len(owned["id"]))
     owned["initial_position"] = owned["position"].copy()
     owned["reference_position"] = owned["position"].copy()
     particles.replace(owned, 0)

@@ -109,7 +109,7 @@ class Simulation:
     def evaluate_forces(self) -> None:
         """Strain, stress and forces of the present configuration, reached in `dt` with the present velocity."""
         p, b, dt, timing = self.particles, self.bonds, self.dt, self.timing
-        self.halo.update(p, "position", "velocity", "volume")
+        self.halo.update(p, "position", "velocity")
         timing.lap("exchange")
         material_dt = np.inf if self.rate_independent else dt
         self.scheme.deform(p, b, self.halo, dt, material_dt)

@@ -186,8 +186,7 @@ def _rows_of(ids, wanted):
 def _find_shapes(sim) -> None:
     """Influence, shape tensors and shares of the present positions, which the choice of a time step begins with."""
     p = sim.particles
-    jacobian, kept = p.jacobian.copy(), [(b.stress.copy(), b.state.copy()) for b in sim.bonds.blocks]
+    kept = [(b.stress.copy(), b.state.copy()) for b in sim.bonds.blocks]
     sim.scheme.deform(p, sim.bonds, sim.halo, 0.0, 0.0)
-    p.jacobian[:] = jacobian
     for block, (stress, state) in zip(sim.bonds.blocks, kept, strict=True):
         block.stress[:], block.state[:] = stress, state

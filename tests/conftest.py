@@ -57,7 +57,7 @@ def _cloud(position, *, laws=None, law_of=None, spacing=0.01, horizon=2.2, influ
     owned |= {"id": np.arange(n), "position": position.copy(), "volume": np.full(n, spacing**dimension)}
     owned["material"] = np.zeros(n, np.int64) if law_of is None else np.asarray(law_of, np.int64)
     owned["mass"] = owned["volume"] * np.array([law.density for law in laws])[owned["material"]]
-    owned["jacobian"] = np.ones(n)
+    owned["dilation"] = np.ones(n)
     owned["initial_position"] = owned["reference_position"] = position.copy()
     if velocity is not None:
         owned["velocity"] = np.array(velocity, float)

@@ -237,7 +237,7 @@ def cantilever(full=False, scheme="bond_projected"):
 
 def swinging_beam(full=False, scheme="bond_projected"):
     """V9 (b): the same beam through large rotations: kinetic and stored energy stay."""
-    periods = 20 if full else 0.5
+    periods = 20 if full else 1.25
     sim, shape, frequency = _cantilever(6, scheme)
     sim.particles.velocity[:] = 0.3 * 2.0 * np.pi * frequency * shape
     sim.start()

@@ -7,8 +7,8 @@ relative velocity (Behzadinasab, Trask & Bazilevs 2021):
     L = (L_i + L_j)/2,  L_ij = L + (v_j - v_i - L xi) (x) n.
 
 The force is the conjugate of the internal power sum c_ij sigma_ij : L_ij,
-c_ij = w V_i V_j (beta_j beta_i) (1/W_i + 1/W_j), W_i = sum w V_j,
-with Z_i = sum_b (c_b/2) (sigma_b - (sigma_b xi) (x) n):
+c_ij = w V_i V_j (beta_j beta_i) (J_i/W_i + J_j/W_j), W_i = sum w V_j, where V are the initial volumes and J V the
+present ones, with Z_i = sum_b (c_b/2) (sigma_b - (sigma_b xi) (x) n):
 
     t_ij = c_ij sigma_ij n + w V_i V_j (B_i + B_j) xi,  B_i = Z_i K_i^-1 / V_i.
 
@@ -62,7 +62,9 @@ class BondProjected:
             pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.volume, self.horizon, self.table,
             p.sums, p.dim,
         )  # fmt: skip
-        degenerate = close_points(p.owned, dt, p.sums, p.share, p.shape_inverse, p.gradient, p.jacobian, p.dim)
+        degenerate = close_points(
+            p.owned, dt, p.sums, p.dilation, p.share, p.shape_inverse, p.gradient, p.jacobian, p.dim
+        )
         self._exchange(p, bonds, halo)
         degenerate += int((p.share[p.owned :, 1] == 0.0).sum())
         if crossed or degenerate or self._degenerate:  # otherwise every row is as active as it was

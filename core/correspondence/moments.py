@@ -66,10 +66,12 @@ def sum_moments(first, second, weight, position, velocity, volume, horizon, tabl
 
 
 @kernel
-def close_points(owned, dt, sums, share, shape_inverse, gradient, jacobian, dim):
+def close_points(owned, dt, sums, dilation, share, shape_inverse, gradient, jacobian, dim):
     """Share, integrity, inverse shape tensor, velocity gradient and volume ratio of the owned points.
 
-    Returns how many of them are degenerate.
+    A share counts the volume that its point has at the end of this step. Were it the volume of the step before, a
+    part of the force would lag behind the motion and feed vibrations, in proportion to dt and stress. The weights
+    w V inside the sums only divide, and keep the initial volumes. Returns how many points are degenerate.
     """
     degenerate = 0
     d = len(dim)
@@ -79,16 +81,17 @@ def close_points(owned, dt, sums, share, shape_inverse, gradient, jacobian, dim)
         inverse, regularity = inverse_and_regularity(la.shape_at(sums, i, 2, dim))
         integrity = integrity_of(regularity) if sums[i, 0] >= fewest else 0.0
         if integrity > 0.0:
-            share[i, 0] = integrity / sums[i, 1]
             g = la.times_shape(la.matrix_at(sums, i, 2 + n_shape, dim), inverse)
             for c in range(n_shape):
                 shape_inverse[i, c] = inverse[c]
             for c in range(d * d):
                 gradient[i, c] = g[c]
             jacobian[i] = 1.0 / la.determinant_minus(la.scaled(g, dt))
+            share[i, 2] = integrity * (dilation[i] * jacobian[i])
+            share[i, 0] = share[i, 2] / sums[i, 1]
         else:
             degenerate += 1
-            share[i, 0] = 0.0
+            share[i, 0] = share[i, 2] = 0.0
             for c in range(n_shape):
                 shape_inverse[i, c] = 0.0
             for c in range(d * d):

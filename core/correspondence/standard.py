@@ -43,7 +43,7 @@ class Standard:
             pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.volume, self.horizon, self.table,
             p.sums, p.dim,
         )  # fmt: skip
-        close_points(p.owned, dt, p.sums, p.share, p.shape_inverse, p.gradient, p.jacobian, p.dim)
+        close_points(p.owned, dt, p.sums, p.dilation, p.share, p.shape_inverse, p.gradient, p.jacobian, p.dim)
         bonds.admit_newborn(p, material_dt)
         for block in bonds.blocks:
             kinematics.strain_rows(
@@ -71,11 +71,11 @@ class Standard:
 
 @kernel
 def _fill_flux(point, active, stress, share, shape_inverse, flux, dim):
-    """B_i = beta_i sigma_i K_i^-1 of the points with a row here."""
+    """B_i = J_i beta_i sigma_i K_i^-1 of the points with a row here."""
     for r in range(point.shape[0]):
         if active[r]:
             i = point[r]
-            z = la.scaled(la.full(la.symmetric_at(stress, r, 0, dim)), share[i, 1])
+            z = la.scaled(la.full(la.symmetric_at(stress, r, 0, dim)), share[i, 2])
             la.store(flux, i, 0, la.times_shape(z, la.shape_at(shape_inverse, i, 0, dim)))
 
 

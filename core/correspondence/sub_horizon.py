@@ -54,7 +54,7 @@ class SubHorizon:
             pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.volume, self.horizon, self.table,
             p.sums, p.dim,
         )  # fmt: skip
-        close_points(p.owned, dt, p.sums, p.share, p.shape_inverse, p.gradient, p.jacobian, p.dim)
+        close_points(p.owned, dt, p.sums, p.dilation, p.share, p.shape_inverse, p.gradient, p.jacobian, p.dim)
         for block in bonds.blocks:
             self._measure(p, pairs, block)
         self._combine_ends(p, bonds, halo)
@@ -219,7 +219,7 @@ def _sum_sub_families(
 
 @kernel
 def _share_among_bonds(start, pair, second, weight, volume, share, integrity, fraction):
-    """a_ij of the bonds of each point: they sum to the point's integrity."""
+    """a_ij of the bonds of each point: they sum to J times the point's integrity."""
     for i in range(start.shape[0] - 1):
         total = 0.0
         present = 0.0
@@ -230,7 +230,7 @@ def _share_among_bonds(start, pair, second, weight, volume, share, integrity, fr
         whole = max(present, _LEAST_SHARE * total)
         for r in range(start[i], start[i + 1]):
             part = integrity[r] * weight[pair[r]] * volume[second[r]]
-            fraction[r] = share[i, 1] * part / whole if part > 0.0 else 0.0
+            fraction[r] = share[i, 2] * part / whole if part > 0.0 else 0.0
 
 
 @kernel

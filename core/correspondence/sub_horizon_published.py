@@ -60,7 +60,7 @@ class SubHorizonPublished(SubHorizon):
 def _volume_fractions(
     start, pair, second, weight, volume, share, integrity, sub_family_volume, self_point, fraction
 ):
-    """phi_ij, faded out where point or sub-family are degenerate."""
+    """J_i phi_ij, faded out where point or sub-family are degenerate."""
     for i in range(start.shape[0] - 1):
         own = volume[i] if self_point else 0.0
         whole = own
@@ -70,7 +70,7 @@ def _volume_fractions(
         for r in range(start[i], start[i + 1]):
             fraction[r] = 0.0
             if integrity[r] > 0.0:
-                fraction[r] = share[i, 1] * integrity[r] * (own + sub_family_volume[r]) / whole
+                fraction[r] = share[i, 2] * integrity[r] * (own + sub_family_volume[r]) / whole
 
 
 @kernel

@@ -30,7 +30,7 @@ class Rig:
         owned = {f.name: np.zeros((n,) if f.columns is None else (n, f.columns), f.dtype) for f in p.migrating()}
         owned |= {"id": np.arange(n), "position": position, "mass": np.full(n, M), "volume": np.ones(n)}
         owned |= {"velocity": np.broadcast_to(np.asarray(velocity, float), (n, d)), "reference_position": position}
-        owned["jacobian"] = np.ones(n)
+        owned["dilation"] = np.ones(n)
         p.replace(owned, 0)
         p.jacobian[:] = 1.0
         self.initial_kinetic = self.kinetic()
