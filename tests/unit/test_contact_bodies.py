@@ -139,7 +139,7 @@ rows = sim.comm.gather(np.column_stack(rows))
 if sim.comm.rank == 0:
     rows = np.concatenate(rows)
     np.save("ranks%d.npy" % sim.comm.size, rows[np.argsort(rows[:, 0])])
-print("rebuilds", sim.rebuild_count)
+    print("rebuilds", sim.rebuild_count)
 sim.halo.close()
 """
 
