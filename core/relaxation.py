@@ -21,7 +21,10 @@ class RelaxationError(RuntimeError):
 
 
 class Relaxation:
-    """Drives a simulation to equilibrium; `residual` is ||out-of-balance force|| / ||weight|| over free components."""
+    """Drives a simulation to equilibrium; `residual` is ||out-of-balance force|| / ||load|| over free components.
+
+    The load is what acts on free components, mostly weight; without any, the reactions of the held ones.
+    """
 
     def __init__(self, name: str, tolerance: float, max_steps: int):
         self.name = name
@@ -35,7 +38,7 @@ class Relaxation:
     def run(self, sim) -> None:
         """Step until `residual` is below the tolerance; time does not advance.
 
-        Raises RelaxationError if there is no weight to compare with, or not enough steps.
+        Raises RelaxationError if there is no load to compare with, or not enough steps.
         """
         self.begin(sim)
         while not self.is_over(sim):
@@ -56,7 +59,7 @@ class Relaxation:
             return True
         if self.steps == self.max_steps:
             raise RelaxationError(
-                f"stage '{self.name}': out-of-balance force is {self.residual:.3g} of the weight after "
+                f"stage '{self.name}': out-of-balance force is {self.residual:.3g} of the load after "
                 f"{self.steps} steps, not {self.tolerance:.3g}; raise max_steps or tolerance, or let the "
                 "body collapse in a dynamics stage if it cannot stand"
             )
@@ -83,16 +86,22 @@ class Relaxation:
         free = np.ones((n, p.dimension))
         for motion in sim.prescribed_motions:
             motion.hold_zero(p, free)
-        force, velocity = sim.forces.total() * free, p.velocity[:n] * free
+        total = sim.forces.total()
+        force, velocity, reaction = total * free, p.velocity[:n] * free, total * (1.0 - free)
         acceleration = force / p.mass[:, None]
         load = p.external_force[:n] * free
         products = [(a * b).sum(axis=1) for a, b in (
-            (force, force), (load, load), (force, velocity), (velocity, velocity), (acceleration, acceleration)
+            (force, force), (load, load), (reaction, reaction), (force, velocity), (velocity, velocity),
+            (acceleration, acceleration),
         )]  # fmt: skip
-        square, weight, power, speed, pull = exact_sum(sim.comm, np.stack(products, axis=1)).tolist()
-        if not weight > 0.0:
-            raise RelaxationError(f"stage '{self.name}': there is no load, so no scale for equilibrium; set gravity")
-        self.residual = math.sqrt(square / weight)
+        square, weight, support, power, speed, pull = exact_sum(sim.comm, np.stack(products, axis=1)).tolist()
+        scale = weight if weight > 0.0 else support
+        if not scale > 0.0:
+            raise RelaxationError(
+                f"stage '{self.name}': there is no load, so no scale for equilibrium; set gravity, or strain the body "
+                "between boundaries before it relaxes"
+            )
+        self.residual = math.sqrt(square / scale)
         if power > 0.0:
             self._downhill += 1
             if self._downhill > _PATIENCE:

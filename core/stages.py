@@ -47,7 +47,7 @@ class Stage:
 
 @dataclass
 class RelaxStage(Stage):
-    """Quasi-static equilibrium: ends when the out-of-balance force falls below `tolerance` of the weight.
+    """Quasi-static equilibrium: ends when the out-of-balance force falls below `tolerance` of the load.
 
     Raises RelaxationError if that takes more than `max_steps`.
     """
@@ -65,7 +65,7 @@ class RelaxStage(Stage):
 
     def _finish(self, sim) -> str:
         self.relaxation.end(sim)
-        return f"out-of-balance force {self.relaxation.residual:.2e} of the weight after {self.relaxation.steps} steps"
+        return f"out-of-balance force {self.relaxation.residual:.2e} of the load after {self.relaxation.steps} steps"
 
     def memory(self) -> dict:
         """What a checkpoint keeps."""

@@ -159,5 +159,5 @@ def test_a_relaxation_stage_reports_and_takes_no_time(scene_of, started):
     sim.observers = [witness := Witness(), observers.ResultObserver(book, [], None)]
     sim.run()
     assert isinstance(sim.stages[0], RelaxStage) and sim.time == 0.0
-    assert "out-of-balance force" in witness.calls[-1][2] and "of the weight after" in witness.calls[-1][2]
+    assert "out-of-balance force" in witness.calls[-1][2] and "of the load after" in witness.calls[-1][2]
     assert len(book.outputs) == 1  # a scene that only relaxes: its end

@@ -63,6 +63,33 @@ def test_giving_up_tells_how_far_it_came_and_what_to_do(column):
         Relaxation("settle", 1e-8, 3).run(column)
 
 
+def test_without_loads_the_reactions_of_what_is_held_are_the_scale(scene_of, started):
+    """A bar that was pressed together by 0.1 % and let go to equilibrium: plane strain, free sides."""
+    ends = {"where": {"body": "block", "upper": [-0.18, None]}, "fix": ["x"]}
+    pressed = {"times": [0.0, 1e-3], "values": [0.0, -3.5e-4]}
+    drive = {"where": {"body": "block", "lower": [0.18, None]}, "displacement": {"x": pressed}}
+    scene = scene_of(counts=(40, 10), contacts=[], boundaries={"held": ends, "driven": drive})
+    del scene["gravity"]
+    names = ["held", "driven"]
+    scene["stages"] = [
+        {"name": "press", "type": "dynamics", "duration": 1e-3, "boundaries": names, "damping": {"viscous": 4000.0}},
+        {"name": "settle", "type": "relax", "tolerance": 1e-4, "boundaries": names},
+    ]
+    sim = started(scene)
+    sim.run()
+    p, relaxation = sim.particles, sim.stages[1].relaxation
+    held = np.abs(p.initial_position[: p.owned, 0]) > 0.18
+    force = sim.forces.total()
+    out_of_balance = np.sqrt((force[~held] ** 2).sum() + (force[held, 1] ** 2).sum())
+    assert relaxation.residual == pytest.approx(out_of_balance / np.linalg.norm(force[held, 0]), rel=1e-12)
+    assert relaxation.residual < 1e-4
+    sim.bonds.average(p, np.arange(p.owned))
+    middle = np.abs(p.initial_position[: p.owned, 0]) < 0.1
+    strain = -3.5e-4 / 0.37  # between the innermost held points
+    plane_modulus = 4 * 15e6 * (3 * 25e6 + 15e6) / (3 * 25e6 + 4 * 15e6)  # E/(1 - nu^2)
+    assert p.average_0[: p.owned, 1][middle] == pytest.approx(plane_modulus * strain, rel=0.02)
+
+
 def test_no_load_is_no_scale(cloud, grid):
     sim = cloud(grid(4, 4))
     with pytest.raises(RelaxationError, match="there is no load.*set gravity"):
