@@ -1,0 +1,284 @@
+"""Uniaxial compression of an elastic block: oscillations of the stress and what removes them.
+
+    python benchmarks/uniaxial_compression.py [--quick] [--only PATTERN] [--folder DIR] [--draw]
+
+Example 1 of Menon & Song (2022, section 4.1): quasi-static and dynamic, by every scheme. Each case runs in a folder
+of its own below DIR, as an ordinary scene. What is finished is skipped, what was interrupted goes on. Then the
+pictures and the table uniaxial_compression.md in docs/figures are made from the cases that are there; --draw does
+only that. --quick runs 1100 points and leaves pictures and table in DIR. --only takes the cases whose name matches
+a pattern such as 'static-*'. Exit status 1 if a stable scheme fails or oscillates more than it may.
+"""
+
+import argparse
+import contextlib
+import sys
+import time
+from dataclasses import dataclass, replace
+from fnmatch import fnmatch
+from pathlib import Path
+
+import numpy as np
+import yaml
+from mpi4py import MPI
+from uniaxial_figures import draw
+
+from periporo.core import fields
+from periporo.core.cli import RUN_ERROR
+from periporo.core.cli import main as periporo
+from periporo.core.scene import build
+from periporo.io.results import ResultError, open_results
+from periporo.io.schema import parse_scene
+
+FIGURES = Path(__file__).resolve().parent.parent / "docs" / "figures"
+SCENE, RESULT, FAILURE = "block.yaml", "block.h5", "failure.npz"
+LENGTH = 0.975  # m, between the innermost held points
+LAYERS = 3  # columns of points that are held, or driven, at each end
+SPEED = 5e-3  # m/s, of the driven end
+BULK, SHEAR = 25e6, 15e6  # Pa
+PLANE_MODULUS = (
+    4.0 * SHEAR * (3.0 * BULK + SHEAR) / (3.0 * BULK + 4.0 * SHEAR)
+)  # E/(1 - nu^2): free sides, plane strain
+STABLE = ("bond_projected", "sub_horizon")
+TIMES_LOWER = 20.0  # than in `standard`, that is what the oscillations of a stable scheme must be
+QUICK = (60, 18)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A block of `counts` points along and across, the largest displacement of whose end is `push` m.
+
+    `horizon` in spacings; `jitter` of the points in spacings; `step` s is a fixed time step.
+    """
+
+    loading: str  # static or dynamic
+    scheme: str
+    horizon: float = 2.1
+    influence: str = "constant"
+    jitter: float = 0.0
+    counts: tuple[int, int] = (200, 60)
+    push: float = 0.5e-3
+    step: float | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the case's folder."""
+        parts = [self.loading, self.scheme, self.influence, f"m{self.horizon:g}", f"{self.counts[0] * self.counts[1]}"]
+        parts += [f"jitter{self.jitter:g}"] if self.jitter else []
+        parts += [f"dt{1e6 * self.step:g}us"] if self.step else []
+        return "-".join(parts)
+
+    @property
+    def spacing(self) -> float:
+        """Distance of the points, m."""
+        return LENGTH / (self.counts[0] + 1 - 2 * LAYERS)
+
+    @property
+    def stress(self) -> float:
+        """Axial stress of the bar in equilibrium, Pa."""
+        return -PLANE_MODULUS * self.push / LENGTH
+
+    def scene(self) -> dict:
+        """The input of the case, as `periporo` reads it."""
+        (columns, rows), spacing = self.counts, self.spacing
+        layer = LAYERS * spacing
+        duration = self.push / SPEED if self.loading == "dynamic" else 0.02
+        motion = {"times": [0.0, duration], "values": [0.0, -self.push]}
+        ends = {
+            "held": {"where": {"upper": [layer, None]}, "fix": ["x"]},
+            "driven": {"where": {"lower": [columns * spacing - layer, None]}, "displacement": {"x": motion}},
+        }
+        press = {"name": "press", "type": "dynamics", "duration": duration, "boundaries": list(ends)}
+        stages = [press]
+        if self.loading == "static":
+            press["damping"] = {"viscous": 2000.0}
+            stages.append({"name": "settle", "type": "relax", "tolerance": 1e-6, "max_steps": 20_000,
+                           "boundaries": list(ends)})  # fmt: skip
+        corners = {"lower": [0.0, -0.5 * rows * spacing], "upper": [columns * spacing, 0.5 * rows * spacing]}
+        return {
+            "title": self.name,
+            "dimension": 2,
+            "spacing": spacing,
+            "horizon": self.horizon,
+            "influence": self.influence,
+            "correspondence": self.scheme,
+            "materials": {
+                "soil": {"model": "elastic", "density": 1760.0, "bulk_modulus": BULK, "shear_modulus": SHEAR}
+            },
+            "bodies": [
+                {"name": "block", "material": "soil", "jitter": self.jitter, "shape": {"type": "box"} | corners}
+            ],
+            "boundaries": ends,
+            "stages": stages,
+            "time_step": {"fixed": self.step},
+            "output": {"fields": ["displacement", "stress"], "file": RESULT, "interval": 0.05 * duration},
+            "checkpoint": {"interval": 60.0},
+        }
+
+
+def all_cases() -> list[Case]:
+    """The cases of the publication, then those with other influence, points out of place, and the short time step."""
+    schemes = ("standard", *STABLE, "sub_horizon_published")
+    loadings = ("static", "dynamic")
+    cases = [Case(loading, s, m) for loading in loadings for m in (2.1, 3.1) for s in schemes]
+    finer = [(224, 67), (315, 95), (405, 123)]
+    cases += [Case("dynamic", "bond_projected", counts=n, push=1e-3) for n in finer]
+    cases += [Case(loading, s, 2.2, "cubic", j) for j in (0.0, 0.1) for loading in loadings for s in schemes[:3]]
+    return cases + [Case("dynamic", s, step=3e-6) for s in ("standard", "bond_projected")]
+
+
+def quick_cases() -> list[Case]:
+    """Small blocks by every scheme."""
+    return [replace(c, counts=QUICK) for c in all_cases()[:12] if c.horizon == 2.1 and c.step is None]
+
+
+def has_ended(folder: Path) -> bool:
+    """Whether the run in a folder came to its end, or failed."""
+    if (folder / FAILURE).exists():
+        return True
+    try:
+        with open_results(folder / RESULT) as results:
+            return "finished" in results.attributes
+    except ResultError:
+        return False
+
+
+def run(case: Case, folder: Path) -> None:
+    """Run a case in `folder`, or the rest of it. A changed case starts anew; FAILURE records one that fails.
+
+    Raises RuntimeError if the scene cannot be run at all.
+    """
+    text = yaml.safe_dump(case.scene(), sort_keys=False)
+    scene, failure = folder / SCENE, folder / FAILURE
+    same = scene.exists() and scene.read_text() == text
+    if same and has_ended(folder):
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    failure.unlink(missing_ok=True)
+    scene.write_text(text)
+    with contextlib.chdir(folder):
+        status = periporo(["run", SCENE, "--resume" if same else "--overwrite", "--quiet", "--no-plot"])
+    if status == RUN_ERROR:
+        np.savez_compressed(failure, **unwatched(case))
+    elif status:
+        raise RuntimeError(f"{folder}: periporo ended with status {status}")
+
+
+def unwatched(case: Case) -> dict[str, np.ndarray]:
+    """Time, s, and kinetic energy, J, of a case that nothing stops, and the stress of its points when it bursts.
+
+    Kinetic energy cannot exceed that of a block as fast as the driven end; a millionfold of that is the end.
+    """
+    sim = build(parse_scene(case.scene()), MPI.COMM_SELF)
+    sim.start()
+    stage = sim.stages[0]
+    sim.prescribed_motions, sim.contacts, sim.loads = stage.prescribed_motions, stage.contacts, stage.loads
+    bound = 0.5 * sim.particles.mass.sum() * SPEED**2
+    times, kinetic, stress = [0.0], [0.0], None
+    while sim.time < stage.duration and kinetic[-1] < 1e6 * bound:
+        sim.step()
+        times.append(sim.time)
+        kinetic.append(sim.ledger.kinetic())
+        if stress is None and kinetic[-1] > bound:
+            stress = fields.values(sim, ("stress",))["stress"][:, 0][
+                np.argsort(sim.particles.id[: sim.particles.owned])
+            ]
+            passed = sim.time
+    if stress is None:
+        raise RuntimeError(f"{case.name} was stopped, but its kinetic energy never exceeds {bound:.3g} J")
+    return {"time": np.array(times), "kinetic": np.array(kinetic), "bound": bound, "passed": passed, "stress": stress}
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Figures of a case at its end."""
+
+    x: np.ndarray  # m, (n,) of the points next above the axis, from the innermost held point on
+    axial: np.ndarray  # Pa, (n,) their axial stress
+    stress: np.ndarray  # Pa, (columns, rows) axial stress of all points
+    time: float  # s
+    steps: int
+    seconds: float  # wall time
+    growth: tuple | None  # of a run that failed: times, s, kinetic energies, J, and the largest that can be
+
+
+def measure(case: Case, folder: Path) -> Measured:
+    """The end of a run; of one that failed, when its kinetic energy was more than it can be."""
+    with open_results(folder / RESULT) as r:
+        stress, time, steps = r.field("stress")[:, 0], float(r.times[-1]), int(r.history("step")[-1])
+        x, seconds = (r.positions() - r.field("displacement"))[:, 0], float(r.attributes.get("wall_time_s", np.nan))
+    growth = None
+    if (folder / FAILURE).exists():
+        with np.load(folder / FAILURE) as f:
+            stress, time, growth = f["stress"], float(f["passed"]), (f["time"], f["kinetic"], float(f["bound"]))
+        steps = int(np.searchsorted(growth[0], time))
+    stress, x = stress.reshape(case.counts), x.reshape(case.counts)  # ids run along the columns
+    row = case.counts[1] // 2
+    return Measured(x[:, row] - x[LAYERS - 1, row], stress[:, row], stress, time, steps, seconds, growth)
+
+
+def oscillation(case: Case, measured: Measured) -> float:
+    """Total variation of the axial stress along the axis beyond that of a monotone profile, over the exact stress.
+
+    sum |s_{k+1} - s_k| - |s_n - s_1| for the points of a row that are three or more columns from held ones.
+    """
+    s = inner(measured)
+    return float((np.abs(np.diff(s)).sum() - abs(s[-1] - s[0])) / abs(case.stress))
+
+
+def inner(measured: Measured) -> np.ndarray:
+    """Axial stress of the points of the row whose neighbourhoods hold no held point, Pa."""
+    return measured.axial[2 * LAYERS : -2 * LAYERS]
+
+
+HEAD = "| loading | influence, m | points | scheme | oscillation | standard / it | mean / exact | steps | wall, s |"
+
+
+def table(done: dict[Case, Measured]) -> tuple[list[str], bool]:
+    """Lines of the table, and whether the stable schemes do what they must."""
+    lines, sound = [HEAD, "|---" * 9 + "|"], True
+    for case, m in done.items():
+        cloud = f"{case.counts[0] * case.counts[1]}" + (f", jitter {case.jitter:g}" if case.jitter else "")
+        cloud += f", Δt {1e6 * case.step:g} µs" if case.step else ""
+        start = f"| {case.loading} | {case.influence}, {case.horizon:g} | {cloud} | {case.scheme} |"
+        stable = case.scheme in STABLE
+        if m.growth is not None:
+            lines.append(f"{start} bursts after {1e3 * m.time:.2g} ms | | | {m.steps} | |")
+            sound &= not stable
+            continue
+        value, ratio = oscillation(case, m), ""
+        reference = done.get(replace(case, scheme="standard"))
+        if stable and reference is not None:
+            times = oscillation(case, reference) / value
+            ratio = f"{times:.0f}"
+            sound &= bool(times >= TIMES_LOWER)
+        mean = inner(m).mean() / case.stress
+        lines.append(f"{start} {value:.3g} | {ratio} | {mean:.3f} | {m.steps} | {m.seconds:.0f} |")
+    return lines, sound
+
+
+def main():
+    """Run, draw, tabulate."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="1100 points, pictures and table into the folder")
+    parser.add_argument("--only", default="*", metavar="PATTERN", help="only cases whose name matches")
+    parser.add_argument("--folder", type=Path, default=Path("uniaxial_compression"), help="where the runs are kept")
+    parser.add_argument("--draw", action="store_true", help="run nothing")
+    arguments = parser.parse_args()
+    folder = arguments.folder.resolve()
+    cases = quick_cases() if arguments.quick else all_cases()
+    for case in [] if arguments.draw else cases:
+        if fnmatch(case.name, arguments.only):
+            began = time.monotonic()
+            run(case, folder / case.name)
+            print(f"{case.name} {time.monotonic() - began:.0f} s", flush=True)
+    done = {case: measure(case, folder / case.name) for case in cases if has_ended(folder / case.name)}
+    target = folder if arguments.quick else FIGURES
+    lines, sound = table(done)
+    print("\n".join(lines))
+    (target / "uniaxial_compression.md").write_text("\n".join(lines) + "\n")
+    draw(done, target)
+    sys.exit(0 if sound else 1)
+
+
+if __name__ == "__main__":
+    main()
