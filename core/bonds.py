@@ -39,6 +39,7 @@ class Block:
         self.active = np.empty(0, np.bool_)
         self.stress = np.empty((0, components))
         self.total: np.ndarray | None = None  # stress with that of pore water, if there is any
+        self.held_moduli = None  # what `elastic_moduli` answers while stress and state are only a trial
         self.strain_increment = np.empty((0, components))
         self.state = np.empty((0, self.columns))
         self.carried: Carried | None = None
@@ -47,6 +48,12 @@ class Block:
     def total_stress(self) -> np.ndarray:
         """What forces come from, (rows, 4|6) Pa: the laws' stress, in wet soil with the water's."""
         return self.stress if self.total is None else self.total
+
+    def elastic_moduli(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bulk and shear modulus of the rows, two (n,) arrays in Pa."""
+        if self.held_moduli is not None:
+            return self.held_moduli
+        return self.material.elastic_moduli(self.stress, self.state)
 
 
 @dataclass
@@ -230,9 +237,7 @@ def _match(ids, pair, old_ids, source):
     k = 0
     for r in range(pair.shape[0]):
         lower, higher = ids[pair[r], 0], ids[pair[r], 1]
-        while k < old_ids.shape[0] and (
-            old_ids[k, 0] < lower or (old_ids[k, 0] == lower and old_ids[k, 1] < higher)
-        ):
+        while k < old_ids.shape[0] and (old_ids[k, 0] < lower or (old_ids[k, 0] == lower and old_ids[k, 1] < higher)):
             k += 1
         if k < old_ids.shape[0] and old_ids[k, 0] == lower and old_ids[k, 1] == higher:
             source[r] = k

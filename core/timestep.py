@@ -67,7 +67,7 @@ def local_frequency(sim, contacts) -> float:
     p = sim.particles
     springs = np.zeros((p.total, p.dimension * (p.dimension + 1) // 2))
     for block in sim.bonds.blocks:
-        bulk, shear = block.material.elastic_moduli(block.stress, block.state)
+        bulk, shear = block.elastic_moduli()
         sim.scheme.add_springs(p, sim.bonds, block, bulk, shear, springs)
     stiffness = np.zeros(p.owned)
     for contact in contacts:
@@ -78,9 +78,12 @@ def local_frequency(sim, contacts) -> float:
 def highest_frequency(sim) -> float:
     """Highest frequency of the elastic operator of all bonds by Lanczos iteration, rad/s.
 
-    Stress, state and velocity are put aside meanwhile; nothing of the simulation changes.
+    The moduli are those of the present stress and state. These, and the velocity, are put aside meanwhile; nothing of
+    the simulation changes.
     """
     p, n = sim.particles, sim.particles.owned
+    for block in sim.bonds.blocks:
+        block.held_moduli = block.elastic_moduli()
     kept = [(b.stress.copy(), b.state.copy(), b.active.copy(), b.total) for b in sim.bonds.blocks]
     velocity, jacobian = p.velocity.copy(), p.jacobian.copy()
     root_mass = np.sqrt(p.mass)[:, None]
@@ -99,6 +102,7 @@ def highest_frequency(sim) -> float:
         beside.append(beta)
     for block, (stress, state, active, total) in zip(sim.bonds.blocks, kept, strict=True):
         block.stress[:], block.state[:], block.active[:], block.total = stress, state, active, total
+        block.held_moduli = None
     p.velocity[:], p.jacobian[:] = velocity, jacobian
     off = beside[: len(diagonal) - 1]
     matrix = np.diag(diagonal) + np.diag(off, 1) + np.diag(off, -1)
@@ -120,7 +124,7 @@ def apply_stiffness(sim, displacement):
         block.stress[:], block.total = 0.0, None
     sim.scheme.deform(p, sim.bonds, sim.halo, dt, dt)
     for block in sim.bonds.blocks:
-        bulk, shear = block.material.elastic_moduli(block.stress, block.state)
+        bulk, shear = block.elastic_moduli()
         _elastic_stress(bulk, shear, block.strain_increment, block.stress)
     force = np.zeros((p.total, p.dimension))
     sim.scheme.internal_force(p, sim.bonds, sim.halo, force)
