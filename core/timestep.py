@@ -84,7 +84,8 @@ def highest_frequency(sim) -> float:
     p, n = sim.particles, sim.particles.owned
     for block in sim.bonds.blocks:
         block.held_moduli = block.elastic_moduli()
-    kept = [(b.stress.copy(), b.state.copy(), b.active.copy(), b.total) for b in sim.bonds.blocks]
+    kept = [(r.stress.copy(), r.state.copy(), r.active.copy()) for r in sim.bonds.carriers]
+    totals = [b.total for b in sim.bonds.blocks]
     velocity, jacobian = p.velocity.copy(), p.jacobian.copy()
     root_mass = np.sqrt(p.mass)[:, None]
     vector = uniform(p.id[:n], p.dimension, seed=1) - 0.5
@@ -100,9 +101,10 @@ def highest_frequency(sim) -> float:
             break
         vector = image / beta
         beside.append(beta)
-    for block, (stress, state, active, total) in zip(sim.bonds.blocks, kept, strict=True):
-        block.stress[:], block.state[:], block.active[:], block.total = stress, state, active, total
-        block.held_moduli = None
+    for rows, (stress, state, active) in zip(sim.bonds.carriers, kept, strict=True):
+        rows.stress[:], rows.state[:], rows.active[:] = stress, state, active
+    for block, total in zip(sim.bonds.blocks, totals, strict=True):
+        block.total, block.held_moduli = total, None
     p.velocity[:], p.jacobian[:] = velocity, jacobian
     off = beside[: len(diagonal) - 1]
     matrix = np.diag(diagonal) + np.diag(off, 1) + np.diag(off, -1)
@@ -120,8 +122,10 @@ def apply_stiffness(sim, displacement):
     dt = 1e-15 * sim.spacing / size  # small enough to be linear
     p.velocity[: p.owned] = displacement
     sim.halo.update(p, "velocity")
+    for rows in sim.bonds.carriers:
+        rows.stress[:] = 0.0
     for block in sim.bonds.blocks:
-        block.stress[:], block.total = 0.0, None
+        block.total = None
     sim.scheme.deform(p, sim.bonds, sim.halo, dt, dt)
     for block in sim.bonds.blocks:
         bulk, shear = block.elastic_moduli()

@@ -105,7 +105,7 @@ class DynamicsStage(SceneModel):
 Stage = Annotated[RelaxStage | DynamicsStage, Field(discriminator="type")]
 
 
-SchemeName = Literal["bond_projected", "standard", "sub_horizon", "sub_horizon_published"]
+SchemeName = Literal["bond_projected", "point_state", "standard", "sub_horizon", "sub_horizon_published"]
 
 
 class CorrespondenceInput(SceneModel):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from . import closed_forms, collapse, columns, energy, kinematics, manufactured, motion, sliding, waves
 from .common import Figure
 
-SCHEMES = ("bond_projected", "sub_horizon", "standard", "sub_horizon_published")
+SCHEMES = ("bond_projected", "point_state", "sub_horizon", "standard", "sub_horizon_published")
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ CASES = (
     Case("V3", motion.spectrum),
     Case("V3", motion.stability),
     Case("V4", energy.ledger),
-    Case("V4", energy.virtual_power, SCHEMES[:3]),
+    Case("V4", energy.virtual_power, SCHEMES[:4]),
     Case("V4", energy.stress_work),
     Case("V5", waves.wave_speed),
     Case("V6", manufactured.manufactured),
