@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from . import closed_forms, collapse, columns, energy, kinematics, manufactured, motion, sliding, waves
+from . import closed_forms, collapse, columns, energy, footing, kinematics, manufactured, motion, sliding, slopes, waves
 from .common import Figure
 
 SCHEMES = ("bond_projected", "point_state", "sub_horizon", "standard", "sub_horizon_published")
@@ -50,5 +50,8 @@ CASES = (
     Case("V15", sliding.incline),
     Case("V15", sliding.sticking),
     Case("V15", sliding.stopping),
+    Case("V20", footing.strip_footing),
+    Case("V21", slopes.vertical_cut),
+    Case("V21", slopes.sand_slope),
     Case("collapse", collapse.collapse),
 )
