@@ -78,7 +78,7 @@ class BondProjected:
         for block in bonds.blocks:
             _strain_rows(
                 block.pair, block.active, pairs.first, pairs.second, p.position, p.velocity, p.gradient, dt,
-                block.stress, block.strain_increment, block.state, block.tensor_columns, self.taken, p.dim,
+                block.stress, block.strain_increment, block.state, block.tensor_columns, block.peak, self.taken, p.dim,
             )  # fmt: skip
 
     def _exchange(self, p, bonds, halo):
@@ -116,8 +116,9 @@ class BondProjected:
 
 @kernel
 def _strain_rows(
-    pair, active, first, second, position, velocity, gradient, dt, stress, strain_increment, state, tensors, taken, dim
-):
+    pair, active, first, second, position, velocity, gradient, dt, stress, strain_increment, state, tensors, peak,
+    taken, dim,
+):  # fmt: skip
     tile, rows, used = kinematics.new_tile(dim), np.zeros(LANES, np.int64), 0
     extra = kinematics.extra_quantity(dim)
     for r in range(pair.shape[0]):
@@ -131,7 +132,7 @@ def _strain_rows(
             la.store(strain_increment, r, 0, la.zero_symmetric(dim))
         if used == LANES or r == pair.shape[0] - 1:
             _correct_tile(tile, extra, taken, dim)
-            kinematics.turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, dim)
+            kinematics.turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, peak, dim)
             used = 0
 
 
