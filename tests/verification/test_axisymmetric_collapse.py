@@ -1,0 +1,47 @@
+"""The benchmark of collapsing cylinders with few points: stopped, resumed, measured, skipped when finished."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import pytest
+
+_FOLDER = Path(__file__).parents[2] / "benchmarks"
+
+
+@pytest.fixture(scope="module")
+def benchmark():
+    """The script as a module; it imports its neighbour `study`."""
+    sys.path.insert(0, str(_FOLDER))
+    try:
+        spec = importlib.util.spec_from_file_location("axisymmetric_collapse", _FOLDER / "axisymmetric_collapse.py")
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+    finally:
+        sys.path.remove(str(_FOLDER))
+    return module
+
+
+def test_a_small_cylinder_collapses_to_rest_and_is_not_run_again(benchmark, tmp_path, capsys):
+    text = benchmark.scene(1.0, 100)
+    result = tmp_path / benchmark.RESULT
+    assert benchmark.run(text, tmp_path, walltime=1e-3) == 0 and not benchmark.is_finished(result)
+    assert benchmark.run(text, tmp_path) == 0 and benchmark.is_finished(result)
+    m = benchmark.measure(result)
+    assert 80 < m["points"] < 130
+    assert 0.3 < m["run-out"] <= m["outermost"] < 1.6  # Lube et al. (2004): 1.24; five rows of points spread less
+    assert 0.4 < m["height"] < 1.0
+    assert m["kinetic"] < 1e-5 and m["time"] < 1.0
+    before = result.stat().st_mtime_ns
+    assert benchmark.run(text, tmp_path) == 0 and result.stat().st_mtime_ns == before
+    assert benchmark.line(1.0, m).count("|") == len(benchmark.COLUMNS) + 1
+
+
+def test_the_parameters_of_a_variant(benchmark):
+    plain, changed = benchmark.scene(2.0, 42_000), benchmark.scene(2.0, 42_000, stiffer=4.0, slope=1.2)
+    sand, stiff = plain["materials"]["sand"], changed["materials"]["sand"]
+    assert stiff["bulk_modulus"] == 4 * sand["bulk_modulus"] and stiff["shear_modulus"] == 4 * sand["shear_modulus"]
+    assert stiff["critical_state_slope"] == 1.2
+    assert plain["bodies"][0]["shape"]["extrude"] == [0.0, 0.1]
+    rows = 0.05 / plain["spacing"]
+    assert 40_000 < 2.0 * rows**3 * 3.1416 / 4.0 < 44_000
