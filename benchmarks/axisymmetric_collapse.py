@@ -1,11 +1,12 @@
 """Cylinders of sand that collapse, against the measurements of Lube et al. (2004).
 
-    python benchmarks/axisymmetric_collapse.py [--quick] [--folder DIR] [--slope M]
+    python benchmarks/axisymmetric_collapse.py [--points 42000] [--aspects 1 2] [--stiffer 1] [--folder DIR] [--slope M]
 
 A quarter of a cylinder, as in configs/axisymmetric_collapse.yaml, is run at heights of one and of two radii, with more
-than 40 000 points each (hours), or with --quick about a thousand. Run-out is that of 99 % of the points that are
-bonded. Runs that are finished are not repeated, interrupted ones go on. --slope is another M. Exit status 1 if a
-run-out is more than 25 % from the measured one.
+than 40 000 points each (about an hour each), or with about as many as are given. Run-out is that of 99 % of the points
+that are bonded. Runs that are finished are not repeated, interrupted ones go on; --walltime stops one in time, to be
+called again. --stiffer multiplies the moduli, --slope is another M. Exit status 1 if a run-out is more than 25 % from
+the measured one, 3 if a run has not come to its end.
 """
 
 import argparse
@@ -25,11 +26,12 @@ CONFIG = Path(__file__).resolve().parent.parent / "configs" / "axisymmetric_coll
 RADIUS = 0.05  # m
 ASPECTS = (1.0, 2.0)  # height over radius
 TOLERANCE = 0.25
-FULL, QUICK = 42_000, 1_200  # points, about
+UNFINISHED = 3  # exit status
+POINTS = 42_000  # about
 SCENE, RESULT = "cylinder.yaml", "cylinder.h5"
 
 
-def scene(aspect: float, points: int, slope: float | None = None) -> dict:
+def scene(aspect: float, points: int, stiffer: float = 1.0, slope: float | None = None) -> dict:
     """The input for a cylinder of height `aspect` radii with about `points` points in its quarter."""
     text = read_yaml(CONFIG).data
     rows = round((4.0 * points / (np.pi * aspect)) ** (1.0 / 3.0))
@@ -38,22 +40,26 @@ def scene(aspect: float, points: int, slope: float | None = None) -> dict:
     text["bodies"][0]["shape"]["extrude"] = [0.0, aspect * RADIUS]
     text["output"]["file"] = RESULT
     text["checkpoint"] = {"interval": 300.0}
+    sand = text["materials"]["sand"]
+    for modulus in ("bulk_modulus", "shear_modulus"):
+        sand[modulus] *= stiffer
     if slope is not None:
-        text["materials"]["sand"]["critical_state_slope"] = slope
+        sand["critical_state_slope"] = slope
     return text
 
 
-def run(text: dict, folder: Path) -> int:
+def run(text: dict, folder: Path, walltime: float | None = None) -> int:
     """Run a scene in a folder, or the rest of it; the exit status of `periporo`."""
     wanted = yaml.safe_dump(text, sort_keys=False)
     file = folder / SCENE
     same = file.exists() and file.read_text() == wanted
-    if same and _is_finished(folder / RESULT):
+    if same and is_finished(folder / RESULT):
         return 0
     folder.mkdir(parents=True, exist_ok=True)
     file.write_text(wanted)
     with contextlib.chdir(folder):
-        return periporo(["run", SCENE, "--resume" if same else "--overwrite", "--quiet", "--no-plot"])
+        limit = [] if walltime is None else ["--walltime", str(walltime)]
+        return periporo(["run", SCENE, "--resume" if same else "--overwrite", "--quiet", "--no-plot", *limit])
 
 
 def measure(path: Path) -> dict[str, float]:
@@ -76,7 +82,8 @@ def measure(path: Path) -> dict[str, float]:
     }
 
 
-def _is_finished(path):
+def is_finished(path: Path) -> bool:
+    """Whether a result file is of a run that came to its end."""
     try:
         with open_results(path) as results:
             return "finished" in results.attributes
@@ -87,18 +94,23 @@ def _is_finished(path):
 def main():
     """Run both cylinders and compare."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="about a thousand points")
+    parser.add_argument("--points", type=int, default=POINTS, help="points of a quarter, about")
+    parser.add_argument("--aspects", type=float, nargs="+", default=ASPECTS, help="heights over the radius")
     parser.add_argument("--folder", type=Path, default=Path("axisymmetric_collapse"), help="where the runs are kept")
+    parser.add_argument("--walltime", type=float, help="s after which a run is stopped")
+    parser.add_argument("--stiffer", type=float, default=1.0, help="factor of the moduli")
     parser.add_argument("--slope", type=float, help="slope M of the critical state line")
     arguments = parser.parse_args()
     sound = True
     print("| a | points | run-out / R | Lube | height / R | Lube | t, s | K / peak | free-flying | steps | wall, s |")
     print("|---|---|---|---|---|---|---|---|---|---|---|")
-    for aspect in ASPECTS:
-        text = scene(aspect, QUICK if arguments.quick else FULL, arguments.slope)
-        folder = arguments.folder.resolve() / f"a{aspect:g}{'-quick' if arguments.quick else ''}"
-        if status := run(text, folder):
+    for aspect in arguments.aspects:
+        text = scene(aspect, arguments.points, arguments.stiffer, arguments.slope)
+        folder = arguments.folder.resolve() / f"a{aspect:g}"
+        if status := run(text, folder, arguments.walltime):
             sys.exit(status)
+        if not is_finished(folder / RESULT):
+            sys.exit(UNFINISHED)
         m, law = measure(folder / RESULT), float(lube_axisymmetric_run_out(aspect))
         print(
             f"| {aspect:g} | {m['points']} | {m['run-out']:.2f} | {law:.2f} | {m['height']:.2f} | "

@@ -1,15 +1,19 @@
-"""Kills a run again and again and compares what it ends with: `python benchmarks/kill.py [--kills 30]`.
+"""Kills a run again and again and compares what it ends with: `python benchmarks/kill.py [--kills 30] [--ranks 2]`.
 
 A small column collapses with a checkpoint every twentieth of a second. SIGKILL comes at a random moment of each part,
-also while it starts, writes results or a checkpoint; the next part starts with --resume. After every kill the result
-file must open in h5py and in VTK; in the end it must equal, bit for bit, that of a run that was left alone.
+also while it starts, writes results or a checkpoint; the next part starts with --resume. With several ranks it hits
+one of them, or mpirun, and the rest must be gone at once. After every kill the result file must open in h5py and in
+VTK; in the end it must equal, bit for bit, that of a run on one rank that was left alone.
 """
 
 import argparse
+import os
 import random
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import h5py
@@ -30,6 +34,38 @@ SCENE = {
 COMMAND = [sys.executable, "-m", "periporo.core.cli", "scene.yaml", "--quiet", "--no-plot"]
 
 
+PATIENCE = 10.0  # s in which all processes of a job must follow the one that was killed
+
+
+def command(ranks):
+    """The words that start a run."""
+    mpirun = Path(sys.executable).with_name("mpirun")
+    return COMMAND if ranks == 1 else [str(mpirun), "-n", str(ranks), *COMMAND]
+
+
+def family(pid):
+    """A process and all below it."""
+    try:
+        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    except FileNotFoundError:
+        children = []
+    return [pid, *(p for child in children for p in family(int(child)))]
+
+
+def kill(part, moments):
+    """Kill one process of a job, mpirun or a rank, and wait until all are gone."""
+    processes = family(part.pid)
+    victim = moments.choice([processes[0], *processes[2:]])  # all but mpirun's helper
+    os.kill(victim, signal.SIGKILL)
+    part.wait()
+    until = time.monotonic() + PATIENCE
+    while left := [p for p in processes[1:] if Path(f"/proc/{p}").exists()]:
+        if time.monotonic() > until:
+            raise SystemExit(f"processes {left} outlive process {victim}, which was killed")
+        time.sleep(0.01)
+    return "mpirun" if victim == processes[0] and len(processes) > 1 else "a rank"
+
+
 def datasets(path):
     """All datasets by name."""
     found = {}
@@ -48,38 +84,47 @@ def outputs_in_vtk(path):
     return reader.GetNumberOfSteps()
 
 
+def found(folder):
+    """What a killed part left: steps of the checkpoints, outputs in the result file."""
+    steps = [p.name.split("-")[1][:12].lstrip("0") for p in sorted(folder.glob("*.checkpoint-*.h5"))]
+    file = folder / "scene.h5"
+    outputs = len(datasets(file)["VTKHDF/Steps/Values"]) if file.exists() and steps else 0
+    seen = outputs_in_vtk(file) if outputs else 0
+    if seen != outputs:
+        raise SystemExit(f"{outputs} outputs in h5py, {seen} in VTK ({folder})")
+    return f"checkpoints {steps}, {outputs} outputs in h5py and VTK"
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--kills", type=int, default=30)
+    parser.add_argument("--ranks", type=int, default=1)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--latest", type=float, default=2.5, help="s after the start of a part")
     arguments = parser.parse_args()
     moments, folder = random.Random(arguments.seed), Path(tempfile.mkdtemp(prefix="kill-"))
     (folder / "scene.yaml").write_text(yaml.safe_dump(SCENE))
     subprocess.run(COMMAND, cwd=folder, check=True)
     expected = datasets(folder / "scene.h5")
     (folder / "scene.h5").unlink()
-    kills = 0
+    kills, messages = 0, (folder / "messages.txt").open("a")
     while True:
-        part = subprocess.Popen([*COMMAND, "--resume"], cwd=folder)
+        part = subprocess.Popen([*command(arguments.ranks), "--resume"], cwd=folder, stderr=messages)
         try:
             left = kills >= arguments.kills
-            status = part.wait(timeout=None if left else moments.uniform(0.5, 2.5))
+            status = part.wait(timeout=None if left else moments.uniform(0.5, arguments.latest))
         except subprocess.TimeoutExpired:
-            part.kill()
-            part.wait()
+            hit = kill(part, moments)
             kills += 1
-            steps = [p.name.split("-")[1][:12].lstrip("0") for p in sorted(folder.glob("*.checkpoint-*.h5"))]
-            file = folder / "scene.h5"
-            outputs = len(datasets(file)["VTKHDF/Steps/Values"]) if file.exists() and steps else 0
-            seen = outputs_in_vtk(file) if outputs else 0
-            print(f"kill {kills:2d}: checkpoints {steps}, {outputs} outputs in h5py, {seen} in VTK", flush=True)
+            print(f"kill {kills:2d}, {hit}: {found(folder)}", flush=True)
             continue
         if status != 0:
             raise SystemExit(f"a part failed with status {status} in {folder}")
         break
     ended = datasets(folder / "scene.h5")
     same = all(np.array_equal(expected[n], ended[n], equal_nan=expected[n].dtype.kind == "f") for n in expected)
-    print(f"{kills} kills; the results are {'the same, bit for bit' if same else 'DIFFERENT'} ({folder})")
+    outcome = "the same, bit for bit" if same else "DIFFERENT"
+    print(f"{kills} kills, {arguments.ranks} ranks; the results are {outcome} ({folder})")
     raise SystemExit(0 if same and kills > 0 else 1)
 
 

@@ -1,22 +1,30 @@
 """Scaling: what ranks send each other, how evenly the work is divided, and how long a step takes.
 
-    mpirun -n 4 python benchmarks/scaling.py count --side 120           # messages and bytes against the model
-    mpirun -n 4 python benchmarks/scaling.py collapse                   # balance while a column spreads fivefold
-    mpirun -n 2 python benchmarks/scaling.py time --side 200            # 40 000 points in the plane
-    mpirun -n 2 python benchmarks/scaling.py time --side 39 --dimension 3
-    python benchmarks/scaling.py memory --side 2000                     # 4 million points: set up and step
+    python benchmarks/scaling.py sweep --dimension 2 --points 400 --weak   # 1 ... 16 ranks, as many points on each
+    python benchmarks/scaling.py sweep --dimension 3 --points 13824        # the same number of points on all of them
+    mpirun -n 4 python benchmarks/scaling.py collapse                      # balance while a column spreads fivefold
+    python benchmarks/scaling.py speedup --side 200                        # 40 000 points in the plane, 1 and 2 ranks
+    python benchmarks/scaling.py speedup --side 39 --dimension 3           # 59 319 points in space
+    mpirun -n 2 python benchmarks/scaling.py parts --side 200              # where the time of a step goes
+    python benchmarks/scaling.py memory --side 2000                        # 4 million points: set up and step
 
-Only `time` measures time, and means something with a core for each rank. The rest is counted, so that ranks may share
-cores. Strong scaling keeps --side, weak scaling lets it grow with the square (cubic) root of the ranks.
+Only `speedup`, `time` and `parts` measure time, and mean something with a core for each rank. The rest is counted, so
+that ranks may share cores. `sweep` and `speedup` start `count` and `time` by mpirun, which take the same words.
 """
 
 import argparse
+import json
+import os
 import resource
+import subprocess
+import sys
 import time
+from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
 
+from periporo.core.run import _memory
 from periporo.core.scene import build
 from periporo.io.schema import parse_scene
 
@@ -26,16 +34,19 @@ SAND = {"model": "drucker_prager", "density": 1600.0, "bulk_modulus": 2e5, "shea
         "friction_angle": 15.0, "cohesion": 0.0}  # fmt: skip
 # numbers that a ghost receives in each step, bond-projected scheme in the plane and in space (core/halo.py):
 # position, velocity, volume; share, shape, gradient and the averages of stress and state; flux
-PLANE, SPACE = (2 + 2 + 1) + (2 + 3 + 4 + 5) + 4, (3 + 3 + 1) + (2 + 6 + 9 + 7) + 9
+NUMBERS = {2: (2 + 2 + 1) + (2 + 3 + 4 + 5) + 4, 3: (3 + 3 + 1) + (2 + 6 + 9 + 7) + 9}
 EXCHANGES = 3  # messages to each neighbour in a step
+RANKS = (1, 2, 4, 8, 16)
+SHARED_CORES = {"MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT": "64"}
 
 
-def block(dimension, side, material=ELASTIC, **keys):
-    """A square or cube of side**dimension points that drifts and shakes."""
+def block(counts, material=ELASTIC, **keys):
+    """A block of `counts` points along each axis that drifts and shakes."""
+    d = len(counts)
     scene = {
-        "dimension": dimension, "spacing": 1.0, "materials": {"soil": material},
-        "bodies": [{"name": "block", "material": "soil", "velocity": [1.0] * dimension,
-                    "shape": {"type": "box", "lower": [0.0] * dimension, "upper": [float(side)] * dimension}}],
+        "dimension": d, "spacing": 1.0, "materials": {"soil": material},
+        "bodies": [{"name": "block", "material": "soil", "velocity": [1.0] * d,
+                    "shape": {"type": "box", "lower": [0.0] * d, "upper": [float(n) for n in counts]}}],
         "stages": [{"name": "free", "type": "dynamics", "duration": 1.0}],
     }  # fmt: skip
     sim = build(parse_scene(scene | keys), COMM)
@@ -60,37 +71,84 @@ def imbalance(sim):
     return max(pairs) / np.mean(pairs)
 
 
-def ghosts_of_a_box(sim, dimension, side):
-    """Ghosts of a rank in the model: a layer as thick as the reach around a box with its share of the points."""
-    edges = np.full(dimension, float(side))
-    for _ in range(int(np.log2(COMM.size))):
+def model(counts, ranks, reach):
+    """What the model says of the rank with the most neighbours: (neighbours, ghosts, pairs over its share).
+
+    The longest side of a box is halved until there are as many boxes as ranks. What lies within `reach` (spacings) of
+    a box is a ghost. A pair that crosses a face is listed on both sides of it.
+    """
+    edges = np.array(counts, float)
+    for _ in range(int(np.log2(ranks))):
         edges[np.argmax(edges)] /= 2.0
-    inner = edges < side  # faces inside the block; a box of two ranks along an axis has one
-    faces = np.where(inner, np.where(edges * 2 < side, 2, 1), 0)
-    return float(np.prod(edges + faces * sim.ghost_reach) - np.prod(edges))
+    boxes = np.round(np.array(counts) / edges)
+    faces = np.minimum(boxes - 1, 2)
+    neighbours = int(np.prod(faces + 1) - 1)
+    ghosts = np.prod(edges + faces * reach) - np.prod(edges)
+    return neighbours, float(ghosts), float(1.0 + 0.5 * (faces * mean_crossing(len(counts), reach) / edges).sum())
+
+
+def mean_crossing(dimension, reach):
+    """Pairs within `reach` (spacings) that cross a plane between two rows, over pairs per row of points."""
+    offsets = np.stack(np.meshgrid(*[np.arange(-3, 4)] * dimension), axis=-1).reshape(-1, dimension)
+    near = offsets[((offsets**2).sum(axis=1) < reach**2) & (offsets != 0).any(axis=1)]
+    return np.abs(near[:, 0]).sum() / len(near)
 
 
 def count(arguments):
-    d, side = arguments.dimension, arguments.side
-    sim = block(d, side)
+    """Messages, bytes, ghosts and balance of some steps; rank 0 prints them as JSON."""
+    counts = arguments.counts or [arguments.side] * arguments.dimension
+    sim = block(counts)
     sim.step()
     sim.time_step.fixed = sim.dt  # no Lanczos iterations among the steps that are counted
     sim.halo.reset_counters()
-    rebuilds, steps = sim.rebuild_count, arguments.steps
+    rebuilds, steps, ghosts = sim.rebuild_count, arguments.steps, 0
     for _ in range(steps):
         sim.step()
-    rebuilt = sim.rebuild_count - rebuilds
-    ghosts = COMM.allgather(sim.particles.total - sim.particles.owned)
-    neighbours = COMM.allgather(len(sim.halo.sends))
-    uneven = imbalance(sim)
-    sent = np.array(COMM.allgather((sim.halo.messages_sent, sim.halo.bytes_sent)))
+        ghosts += sim.particles.total - sim.particles.owned
+    ghosts = max(COMM.allgather(ghosts)) / steps
+    neighbours = max(COMM.allgather(len(sim.halo.sends)))
+    pairs = COMM.allgather(len(sim.bonds.pairs.first))
+    owned = sim.particles.owned
+    first, second = sim.bonds.pairs.first, sim.bonds.pairs.second
+    shared = COMM.allreduce(int(((first >= owned) | (second >= owned)).sum()))
+    sim.halo.close()
+    sent = np.array(COMM.allgather((sim.halo.messages_sent, sim.halo.bytes_sent, _memory(sim)))).max(axis=0)
     if COMM.rank == 0:
-        model = ghosts_of_a_box(sim, d, side)
-        numbers = PLANE if d == 2 else SPACE
-        print(f"{COMM.size:3d} ranks {side**d:9,d} points  imbalance {uneven:.3f}  rebuilds/step {rebuilt / steps:.4f}"
-              f"  neighbours max {max(neighbours)}  messages/step max {sent[:, 0].max() / steps:.1f}"
-              f" (model {EXCHANGES * max(neighbours)})  ghosts max {max(ghosts):,} (model {model:,.0f})  kB/step max "
-              f"{sent[:, 1].max() / steps / 1e3:.1f} (model {8e-3 * numbers * model:.1f})", flush=True)  # fmt: skip
+        m_neighbours, m_ghosts, m_pairs = model(counts, COMM.size, sim.ghost_reach)
+        found = {
+            "ranks": COMM.size, "points": int(np.prod(counts)), "rebuilds": (sim.rebuild_count - rebuilds) / steps,
+            "imbalance": max(pairs) / np.mean(pairs), "pairs": max(pairs) * COMM.size / (sum(pairs) - shared / 2),
+            "pairs_model": m_pairs, "neighbours": neighbours, "messages": sent[0] / steps,
+            "messages_model": EXCHANGES * m_neighbours, "ghosts": ghosts, "ghosts_model": m_ghosts,
+            "kB": sent[1] / steps / 1e3, "kB_model": 8e-3 * NUMBERS[len(counts)] * m_ghosts,
+            "state": float(sent[2] * COMM.size / np.prod(counts)),
+        }  # fmt: skip
+        print(json.dumps(found), flush=True)
+
+
+def sweep(arguments):
+    """`count` on 1 to 16 ranks, as rows of a table: strong scaling, or weak with --points on each rank."""
+    print("| ranks | points | neighbours | messages per step (model) | ghosts (model) | kB per step (model) | "
+          "pairs, largest over mean | over an even share (model) | rebuilds per step | state, B per point |\n"
+          "|---|---|---|---|---|---|---|---|---|---|")  # fmt: skip
+    for ranks in arguments.ranks:
+        side = round(arguments.points ** (1 / arguments.dimension))
+        counts = [side] * arguments.dimension
+        for k in range(int(np.log2(ranks)) if arguments.weak else 0):
+            counts[k % len(counts)] *= 2
+        f = json.loads(start(ranks, "count", "--steps", arguments.steps, "--counts", *counts))
+        print(f"| {ranks} | {f['points']:,} | {f['neighbours']} | {f['messages']:.1f} ({f['messages_model']}) | "
+              f"{f['ghosts']:,.0f} ({f['ghosts_model']:,.0f}) | {f['kB']:.1f} ({f['kB_model']:.1f}) | "
+              f"{f['imbalance']:.3f} | {f['pairs']:.3f} ({f['pairs_model']:.3f}) | {f['rebuilds']:.3f} | "
+              f"{f['state']:,.0f} |", flush=True)  # fmt: skip
+
+
+def start(ranks, *words):
+    """Standard output of this program on a number of ranks."""
+    mpirun = Path(sys.executable).with_name("mpirun")
+    command = [str(mpirun), "-n", str(ranks), sys.executable, __file__, *map(str, words)]
+    patience = SHARED_CORES if ranks > (os.cpu_count() or 1) else {}
+    return subprocess.run(command, check=True, env=os.environ | patience, stdout=subprocess.PIPE, text=True).stdout
 
 
 def collapse(arguments):
@@ -109,6 +167,7 @@ def collapse(arguments):
             width = COMM.allreduce(float(np.abs(p.position[: p.owned, 0]).max(initial=0.0)), MPI.MAX) / 0.15
             if width >= 5.0 or sim.step_number >= arguments.steps:
                 break
+    sim.halo.close()
     if COMM.rank == 0:
         print(f"{COMM.size} ranks: spread {width:.2f}-fold in {sim.step_number} steps, {rebuilds} rebuilds, divided "
               f"anew {divided} times; imbalance mean {np.mean(seen):.3f}, 99 % {np.quantile(seen, 0.99):.3f}, largest "
@@ -116,47 +175,89 @@ def collapse(arguments):
 
 
 def measure(arguments):
-    sim = block(arguments.dimension, arguments.side)
+    """Median time of a step over several batches; rank 0 prints it as JSON."""
+    sim = block(arguments.counts or [arguments.side] * arguments.dimension)
     for _ in range(5):
         sim.step()
     figures = []
-    for _ in range(5):
+    for _ in range(arguments.batches):
         COMM.Barrier()
         began = time.perf_counter()
         for _ in range(arguments.steps):
             sim.step()
         COMM.Barrier()
         figures.append((time.perf_counter() - began) / arguments.steps)
+    sim.halo.close()
     if COMM.rank == 0:
-        points = arguments.side**arguments.dimension
-        print(f"{COMM.size} ranks {points:,} points: {np.median(figures) * 1e3:.3f} ms per step "
-              f"(smallest {min(figures) * 1e3:.3f})", flush=True)  # fmt: skip
+        print(json.dumps({"median": np.median(figures), "smallest": min(figures)}), flush=True)
+
+
+def speedup(arguments):
+    """Time of a step on one rank and on two, in turns, and their ratio."""
+    words = ("time", "--dimension", arguments.dimension, "--side", arguments.side, "--steps", arguments.steps)
+    times = {ranks: [] for ranks in (1, 2)}
+    for _ in range(arguments.rounds):
+        for ranks, seen in times.items():
+            seen.append(json.loads(start(ranks, *words))["median"] * 1e3)
+    one, two = (np.median(times[ranks]) for ranks in (1, 2))
+    for ranks, seen in times.items():
+        listed = ", ".join(f"{t:.3f}" for t in seen)
+        print(f"{ranks} rank{'s' if ranks > 1 else ''}: {np.median(seen):.3f} ms per step ({listed})")
+    print(f"{arguments.side**arguments.dimension:,} points in {arguments.dimension}D: two ranks are "
+          f"{one / two:.2f} times as fast as one", flush=True)  # fmt: skip
+
+
+def parts(arguments):
+    """Time of each part of a step on every rank, us per step: the sum, the largest, and what waits for others."""
+    sim = block(arguments.counts or [arguments.side] * arguments.dimension)
+    for _ in range(5):
+        sim.step()
+    sim.timing.reset()
+    for _ in range(arguments.steps):
+        sim.step()
+    sim.halo.close()
+    everyone = COMM.gather(sim.timing.seconds)
+    if COMM.rank == 0:
+        for name in everyone[0]:
+            times = [seconds[name] / arguments.steps * 1e6 for seconds in everyone]
+            print(f"{name:16s} {' '.join(f'{t:10.1f}' for t in times)}")
+        print(f"{'sum':16s} {' '.join(f'{sum(s.values()) / arguments.steps * 1e6:10.1f}' for s in everyone)}")
 
 
 def memory(arguments):
-    from periporo.core.run import _memory
-
+    """Set up and step; state and peak of the processes."""
     began = time.perf_counter()
-    sim = block(arguments.dimension, arguments.side)
+    counts = arguments.counts or [arguments.side] * arguments.dimension
+    sim = block(counts)
     ready = time.perf_counter() - began
     for _ in range(3):
         sim.step()
     state = COMM.allreduce(_memory(sim))
     peak = COMM.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
     if COMM.rank == 0:
-        points = arguments.side**arguments.dimension
+        points = np.prod(counts)
         print(f"{COMM.size} ranks {points:,} points: ready after {ready:.1f} s; state {state / points:.0f} B "
               f"per point, peak of the processes {peak / 1e9:.2f} GB, {peak / points:.0f} B per point")  # fmt: skip
 
 
+ACTIONS = {"count": count, "sweep": sweep, "collapse": collapse, "time": measure, "speedup": speedup, "parts": parts,
+           "memory": memory}  # fmt: skip
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("count", "collapse", "time", "memory"))
+    parser.add_argument("what", choices=ACTIONS)
     parser.add_argument("--dimension", type=int, default=2, choices=(2, 3))
     parser.add_argument("--side", type=int, default=100, help="points along each axis")
+    parser.add_argument("--counts", type=int, nargs="+", help="points along each axis, in place of --side")
+    parser.add_argument("--points", type=int, default=1600, help="of sweep")
+    parser.add_argument("--weak", action="store_true", help="sweep with --points on each rank")
+    parser.add_argument("--ranks", type=int, nargs="+", default=RANKS, help="of sweep, powers of two")
     parser.add_argument("--steps", type=int, default=100)
+    parser.add_argument("--batches", type=int, default=5, help="of time")
+    parser.add_argument("--rounds", type=int, default=3, help="of speedup")
     arguments = parser.parse_args()
-    {"count": count, "collapse": collapse, "time": measure, "memory": memory}[arguments.what](arguments)
+    ACTIONS[arguments.what](arguments)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ import numpy as np
 from mpi4py import MPI
 
 from periporo.core.correspondence.bond_projected import BondProjected
+from periporo.core.correspondence.point_state import PointState
 from periporo.core.correspondence.standard import Standard
 from periporo.core.correspondence.sub_horizon import SubHorizon
 from periporo.core.correspondence.sub_horizon_published import SubHorizonPublished
@@ -34,6 +35,7 @@ ROUNDING = 1e-13  # and below this they are rounding
 
 SCHEMES = {
     "bond_projected": BondProjected,
+    "point_state": PointState,
     "sub_horizon": SubHorizon,
     "standard": Standard,
     "published": SubHorizonPublished,

@@ -116,19 +116,21 @@ class Case:
 
 
 def all_cases() -> list[Case]:
-    """The cases of the publication, then those with other influence, points out of place, and the short time step."""
+    """The cases of the publication, then those with another influence, displaced points, and its short time step."""
     schemes = ("standard", *STABLE, "sub_horizon_published")
     loadings = ("static", "dynamic")
     cases = [Case(loading, s, m) for loading in loadings for m in (2.1, 3.1) for s in schemes]
     finer = [(224, 67), (315, 95), (405, 123)]
     cases += [Case("dynamic", "bond_projected", counts=n, push=1e-3) for n in finer]
     cases += [Case(loading, s, 2.2, "cubic", j) for j in (0.0, 0.1) for loading in loadings for s in schemes[:3]]
-    return cases + [Case("dynamic", s, step=3e-6) for s in ("standard", "bond_projected")]
+    return cases + [
+        Case("dynamic", s, counts=QUICK, step=t) for t in (None, 3e-6) for s in ("standard", "bond_projected")
+    ]
 
 
 def quick_cases() -> list[Case]:
     """Small blocks by every scheme."""
-    return [replace(c, counts=QUICK) for c in all_cases()[:12] if c.horizon == 2.1 and c.step is None]
+    return [replace(c, counts=QUICK) for c in all_cases()[:16] if c.horizon == 2.1]
 
 
 def has_ended(folder: Path) -> bool:

@@ -12,18 +12,20 @@ import matplotlib.pyplot as plt  # noqa: E402
 SCHEMES = ("standard", "bond_projected", "sub_horizon")
 PUBLISHED = "sub_horizon_published"
 COLOURS = {"standard": "0.65", "bond_projected": "#1b5e8c", "sub_horizon": "#d1761f", PUBLISHED: "#b03a3a"}
+PUSH = 0.5e-3  # m, of figures 6 to 11
 KPA = 1e-3
 
 
 def draw(done: dict, folder: Path) -> None:
     """Draw every picture from the cases that are there: a dictionary of case to what was measured of it."""
+    size = max(c.counts for c in done if c.push == PUSH)
     with plt.rc_context(STYLE):
         for loading in ("static", "dynamic"):
-            chosen = {c: m for c, m in done.items() if _is_plain(c, loading)}
+            chosen = {c: m for c, m in done.items() if c.loading == loading and c.counts == size and _is_plain(c)}
             if chosen:
                 _blocks(chosen, folder / f"uniaxial_{loading}.png")
                 _axes(chosen, folder / f"uniaxial_{loading}_axis.png")
-        finer = {c: m for c, m in done.items() if c.push > 0.5e-3}
+        finer = {c: m for c, m in done.items() if c.push > PUSH}
         if finer:
             _convergence(finer, folder / "uniaxial_convergence.png")
         published = {c: m for c, m in done.items() if c.scheme == PUBLISHED}
@@ -31,9 +33,9 @@ def draw(done: dict, folder: Path) -> None:
             _published(published, folder / "uniaxial_published.png")
 
 
-def _is_plain(case, loading):
-    """Whether a case is one of figures 6 to 11."""
-    return case.loading == loading and case.scheme in SCHEMES and case.influence == "constant" and not case.step
+def _is_plain(case):
+    """Whether a case is one of figures 6 to 11, of a size to be chosen."""
+    return case.scheme in SCHEMES and case.influence == "constant" and case.push == PUSH and not case.step
 
 
 def _nominal(case):

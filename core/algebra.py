@@ -59,6 +59,14 @@ def plus_dyad(a, x, y):
     """a + x (x) y"""
 
 
+def mean_normal(s, x):
+    """Mean of the normal components of a symmetric tensor (4|6) in the space of the vector x (2|3)."""
+
+
+def plus_spherical(a, number):
+    """a + number I"""
+
+
 def full(s):
     """In-space part of a symmetric tensor (4|6) as a matrix."""
 
@@ -245,6 +253,20 @@ def _plus_dyad(a, x, y):
         a[7] + x[2] * y[1],
         a[8] + x[2] * y[2],
     )
+
+
+@overload(mean_normal)
+def _mean_normal(s, x):
+    if len(x) == 2:
+        return lambda s, x: (s[0] + s[1]) / 2.0
+    return lambda s, x: (s[0] + s[1] + s[2]) / 3.0
+
+
+@overload(plus_spherical)
+def _plus_spherical(a, number):
+    if len(a) == 4:
+        return lambda a, number: (a[0] + number, a[1], a[2], a[3] + number)
+    return lambda a, number: (a[0] + number, a[1], a[2], a[3], a[4] + number, a[5], a[6], a[7], a[8] + number)
 
 
 @overload(full)

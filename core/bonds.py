@@ -8,17 +8,51 @@ from periporo.core.halo import exchange_rows, pack
 from periporo.core.jit import kernel
 from periporo.core.neighbours import Pairs
 from periporo.core.particles import Field, Particles
+from periporo.core.rows import PairRows
 from periporo.materials.protocol import Material, state_columns
 
 
-class Block:
+class Rows:
+    """Rows laid out by a `layout`, with stress and state that they carry through neighbour rebuilds."""
+
+    def __init__(self, layout, index: int, components: int, columns: int):
+        self.layout = layout
+        self.index = index
+        self.columns = columns
+        self.pair = np.empty(0, np.uint32)  # what the layout makes of a row: see there
+        self.side = np.empty(0, np.int8)
+        self.start = np.zeros(1, np.int64)
+        self.first, self.second = np.empty(0, np.uint32), np.empty(0, np.uint32)
+        self.ids = np.empty((0, 2), np.int64)
+        self.integrity, self.fraction = np.empty(0), np.empty(0)
+        self.shape_inverse, self.gradient = np.empty((0, 0)), np.empty((0, 0))
+        self.active = np.empty(0, np.bool_)
+        self.stress = np.empty((0, components))
+        self.state = np.empty((0, columns))
+        self.carried: Carried | None = None
+
+    def restore(self, peers, pairs: Pairs, particles: Particles) -> None:
+        """Find the rows among new `pairs` and give back what was set aside; `peers` share the pairs with them."""
+        self.layout.choose(self, peers, pairs, particles)
+        n = len(self.pair)
+        source = np.full(n, -1, np.int64)
+        self.stress, self.state = np.zeros((n, self.stress.shape[1])), np.zeros((n, self.columns))
+        if self.carried is not None:
+            _match(*self.layout.keys(self, pairs), self.carried.ids, source)
+            kept = np.flatnonzero(source >= 0)
+            self.stress[kept] = self.carried.stress[source[kept]]
+            self.state[kept] = self.carried.state[source[kept]]
+            self.carried = None
+        self.active = source >= 0
+
+
+class Block(Rows):
     """The rows of one material: contiguous slices of every bond array, and its own state columns."""
 
-    def __init__(self, material: Material, index: int, components: int):
+    def __init__(self, material: Material, layout, index: int, components: int):
+        super().__init__(layout, index, components, state_columns(material, components))
         self.material = material
-        self.index = index
         self.average = f"average_{index}"  # point field: has state, stress, state
-        self.columns = state_columns(material, components)
         tensors, logs, start = [], [], 0
         for field in material.state_fields:
             width = field.columns(components)
@@ -29,24 +63,20 @@ class Block:
         self.tensor_columns = np.array(tensors, np.int64)
         self.log_columns = np.array(logs, np.bool_)
         self.rows = slice(0, 0)
-        self.pair = np.empty(0, np.uint32)  # what the layout makes of a row: see there
-        self.side = np.empty(0, np.int8)
-        self.start = np.zeros(1, np.int64)
-        self.first, self.second = np.empty(0, np.uint32), np.empty(0, np.uint32)
-        self.ids = np.empty((0, 2), np.int64)
-        self.integrity, self.fraction = np.empty(0), np.empty(0)
-        self.shape_inverse, self.gradient = np.empty((0, 0)), np.empty((0, 0))
-        self.active = np.empty(0, np.bool_)
-        self.stress = np.empty((0, components))
         self.total: np.ndarray | None = None  # stress with that of pore water, if there is any
+        self.held_moduli = None  # what `elastic_moduli` answers while stress and state are only a trial
         self.strain_increment = np.empty((0, components))
-        self.state = np.empty((0, self.columns))
-        self.carried: Carried | None = None
 
     @property
     def total_stress(self) -> np.ndarray:
         """What forces come from, (rows, 4|6) Pa: the laws' stress, in wet soil with the water's."""
         return self.stress if self.total is None else self.total
+
+    def elastic_moduli(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bulk and shear modulus of the rows, two (n,) arrays in Pa."""
+        if self.held_moduli is not None:
+            return self.held_moduli
+        return self.material.elastic_moduli(self.stress, self.state)
 
 
 @dataclass
@@ -61,14 +91,16 @@ class Carried:
 class Bonds:
     """Pairs of neighbours, and for each material a block of constitutive rows.
 
-    `layout` says where the rows lie (`periporo.core.rows`). A row is active, that is has state, while its
-    bond is shorter than the horizon and its points are regular.
+    `layout` says where the rows lie (`periporo.core.rows`), and whether there are `links` besides: a row for each
+    pair with one number, in Pa, that belongs to the scheme. A row is active, that is has state, while its bond is
+    shorter than the horizon and its points are regular.
     """
 
     def __init__(self, particles: Particles, materials: list[Material], layout):
         self.layout = layout
         self.pairs = Pairs()
-        self.blocks = [Block(m, k, particles.components) for k, m in enumerate(materials)]
+        self.blocks = [Block(m, layout, k, particles.components) for k, m in enumerate(materials)]
+        self.links = Rows(PairRows(), len(materials), 1, 0) if layout.linked else None
         self.incidence_start = np.zeros(1, np.int64)
         self.incidence = np.empty(0, np.int32)
         self.initial_stress_is_total = False  # of wet soil: the laws' is that without the water's
@@ -76,21 +108,28 @@ class Bonds:
         for block in self.blocks:
             width = 1 + particles.components + block.columns
             particles.add_field(Field(block.average, width, "", migrates=False))
+        if self.links is not None:  # stiffness of the points' links, and the part of the trial stress that they keep
+            particles.add_field(Field("response", 2, "Pa, 1", migrates=False))
+
+    @property
+    def carriers(self) -> list[Rows]:
+        """All rows that last through rebuilds, in the order of their `index`."""
+        return self.blocks if self.links is None else [*self.blocks, self.links]
 
     def collect(self, comm, particles: Particles, owner: np.ndarray) -> None:
         """Set the active rows' state aside for a rebuild, sharing it with the points' new owners."""
-        for block in self.blocks:
-            alive = np.flatnonzero(block.active)
-            ids, place = self.layout.keys(block, self.pairs)
-            carried = Carried(ids[place[alive]], block.stress[alive], block.state[alive])
+        for rows in self.carriers:
+            alive = np.flatnonzero(rows.active)
+            ids, place = rows.layout.keys(rows, self.pairs)
+            carried = Carried(ids[place[alive]], rows.stress[alive], rows.state[alive])
             if comm.size > 1:
-                carried = self._share(comm, particles, owner, block, alive, carried)
-            block.carried = carried
+                carried = self._share(comm, particles, owner, rows, alive, carried)
+            rows.carried = carried
 
-    def _share(self, comm, particles, owner, block, alive, carried):
+    def _share(self, comm, particles, owner, held, alive, carried):
         home = np.full(particles.total, comm.rank)
         home[: particles.owned] = owner
-        place, first, second, _ = self.layout.holders(block, self.pairs)
+        place, first, second, _ = held.layout.holders(held, self.pairs)
         ends = home[first[place[alive]]], home[second[place[alive]]]
         rows = pack([carried.ids, carried.stress, carried.state])
         moved = np.unique(owner[owner != comm.rank]).tolist()
@@ -115,20 +154,13 @@ class Bonds:
         self.pairs.find(particles, reach)
         start = 0
         for block in self.blocks:
-            self.layout.choose(block, self.blocks, self.pairs, particles)
-            n, components = len(block.pair), particles.components
+            block.restore(self.blocks, self.pairs, particles)
+            n = len(block.pair)
             block.rows = slice(start, start + n)
             start += n
-            source = np.full(n, -1, np.int64)
-            block.stress, block.state = np.zeros((n, components)), np.zeros((n, block.columns))
-            block.strain_increment = np.zeros((n, components))
-            if block.carried is not None:
-                _match(*self.layout.keys(block, self.pairs), block.carried.ids, source)
-                kept = np.flatnonzero(source >= 0)
-                block.stress[kept] = block.carried.stress[source[kept]]
-                block.state[kept] = block.carried.state[source[kept]]
-                block.carried = None
-            block.active = source >= 0
+            block.strain_increment = np.zeros((n, particles.components))
+        if self.links is not None:
+            self.links.restore([self.links], self.pairs, particles)
         holders = [self.layout.holders(b, self.pairs) for b in self.blocks]
         first, second = (np.concatenate([h[end][h[0]] for h in holders]) for end in (1, 2))
         self.incidence_start, self.incidence = _incidence(first, second, particles.total)
@@ -230,9 +262,7 @@ def _match(ids, pair, old_ids, source):
     k = 0
     for r in range(pair.shape[0]):
         lower, higher = ids[pair[r], 0], ids[pair[r], 1]
-        while k < old_ids.shape[0] and (
-            old_ids[k, 0] < lower or (old_ids[k, 0] == lower and old_ids[k, 1] < higher)
-        ):
+        while k < old_ids.shape[0] and (old_ids[k, 0] < lower or (old_ids[k, 0] == lower and old_ids[k, 1] < higher)):
             k += 1
         if k < old_ids.shape[0] and old_ids[k, 0] == lower and old_ids[k, 1] == higher:
             source[r] = k

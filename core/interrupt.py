@@ -1,9 +1,12 @@
 """When to write a checkpoint and when to stop: by the clock, or because a signal asks.
 
-SIGTERM and SIGINT ask for a checkpoint and the end of the run, SIGUSR1 for a checkpoint; a second SIGTERM or SIGINT
-ends the program at once. Any rank may receive the signal. All ranks decide alike, by the number of the step.
+SIGTERM and SIGINT ask for a checkpoint and the end of the run, SIGUSR1 for a checkpoint. Any rank may receive the
+signal. All ranks decide alike, by the number of the step. A second SIGTERM or SIGINT ends the program at once, unless
+it follows the first so soon that it must be the same request: batch systems send one to every process of a job, mpirun
+among them, which passes it on.
 """
 
+import os
 import signal
 import time
 
@@ -12,6 +15,9 @@ from mpi4py import MPI
 
 CHECK_INTERVAL = 10
 """Steps between two looks at signals, clock and health."""
+
+ECHO = 2.0
+"""Seconds in which a request to stop may arrive more than once."""
 
 _CHECKPOINT, _STOP, _DUE = 1, 2, 4
 
@@ -26,6 +32,7 @@ class Signals:
     def __init__(self):
         self.wishes = 0
         self._before = {}
+        self._asked_to_stop = np.inf  # when, s
 
     def __enter__(self):
         for number, wish in ((signal.SIGTERM, _STOP), (signal.SIGINT, _STOP), (signal.SIGUSR1, _CHECKPOINT)):
@@ -39,7 +46,11 @@ class Signals:
     def _note(self, number, wish):
         self.wishes |= wish
         if wish == _STOP:
-            signal.signal(number, signal.SIG_DFL)
+            now = time.monotonic()
+            self._asked_to_stop = min(self._asked_to_stop, now)
+            if now > self._asked_to_stop + ECHO:
+                signal.signal(number, signal.SIG_DFL)
+                os.kill(os.getpid(), number)
 
 
 class Keeper:
@@ -61,7 +72,10 @@ class Keeper:
         began = clock() if began is None else began
         self._end = np.inf if walltime is None else began + walltime
         self._next = np.inf if interval is None else began + interval
+        if walltime is not None:  # one half-way tells how long they take
+            self._next = min(self._next, began + 0.5 * walltime)
         self._slowest = 0.0  # checkpoint so far, s: time to leave for the last one
+        self._looked = began
 
     def start_stage(self, sim, stage) -> None:
         """Nothing to do."""
@@ -89,5 +103,7 @@ class Keeper:
         if rank == 0:
             now = self.clock()
             wishes |= _DUE if now >= self._next else 0
-            wishes |= _STOP if now + 1.5 * self._slowest >= self._end else 0
+            until_next_look = now - self._looked
+            wishes |= _STOP if now + until_next_look + 1.5 * self._slowest >= self._end else 0
+            self._looked = now
         return wishes

@@ -14,6 +14,8 @@ BOTH, FIRST, SECOND = 0, 1, 2  # whose share of a pair's volume a row stands for
 class PairRows:
     """A row for each pair, keyed (lower id, higher id); a pair of two materials has one in either block."""
 
+    linked = False
+
     def choose(self, block, blocks, pairs, particles) -> None:
         """Find the rows of `block`."""
         n = len(pairs.first)
@@ -56,6 +58,8 @@ class DirectedRows:
     the point's volume that the row stands for, and each row's own `shape_inverse` and `gradient`.
     """
 
+    linked = False
+
     def choose(self, block, blocks, pairs, particles) -> None:
         """Find the rows of `block`."""
         p = particles
@@ -85,7 +89,10 @@ class DirectedRows:
 
 
 class PointRows:
-    """A row for each owned point, keyed (id, id)."""
+    """A row for each owned point, keyed (id, id); `linked` by a number for each pair if the scheme wants one."""
+
+    def __init__(self, linked: bool = False):
+        self.linked = linked
 
     def choose(self, block, blocks, pairs, particles) -> None:
         """Find the rows of `block`."""

@@ -4,6 +4,7 @@ import numpy as np
 
 from periporo.core.boundary import Gravity, Traction, ViscousDamping
 from periporo.core.correspondence.bond_projected import BondProjected
+from periporo.core.correspondence.point_state import PointState
 from periporo.core.correspondence.standard import Standard
 from periporo.core.correspondence.sub_horizon import SubHorizon
 from periporo.core.correspondence.sub_horizon_published import SubHorizonPublished
@@ -22,7 +23,7 @@ from periporo.io.input_errors import InputError, Problem
 
 SKIN = 0.3  # spacings
 
-SCHEMES = {s.name: s for s in (BondProjected, Standard, SubHorizon, SubHorizonPublished)}
+SCHEMES = {s.name: s for s in (BondProjected, PointState, Standard, SubHorizon, SubHorizonPublished)}
 
 
 def build(scene, comm) -> Simulation:

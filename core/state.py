@@ -22,7 +22,7 @@ class StateError(Exception):
 
 @dataclass
 class State:
-    """The state of this rank's points (arrays by field, in id order) and of their rows, one `Carried` per material.
+    """The state of this rank's points (arrays by field, in id order), and of rows, one `Carried` per `Bonds.carriers`.
 
     `domain` divides space so that the points are where they belong, and `rows` hold also those that another rank
     has too; without it points may be on any rank, each with the rows whose first id is its own.
@@ -43,16 +43,16 @@ def capture(sim) -> State:
     """A copy of the present state, which stays on its ranks."""
     n = sim.particles.owned
     points = {name: getattr(sim.particles, name)[:n].copy() for name in point_fields(sim)}
-    return State(points, [own_rows(sim, b) for b in sim.bonds.blocks], memory(sim), sim.domain)
+    return State(points, [own_rows(sim, r) for r in sim.bonds.carriers], memory(sim), sim.domain)
 
 
-def own_rows(sim, block) -> Carried:
-    """The active rows of a block whose first end is an owned point, sorted by ids."""
-    pairs, layout = sim.bonds.pairs, sim.bonds.layout
-    index, first, _, _ = layout.holders(block, pairs)
-    rows = np.flatnonzero(block.active & (first[index] < sim.particles.owned))
-    ids, place = layout.keys(block, pairs)
-    return Carried(ids[place[rows]], block.stress[rows], block.state[rows])
+def own_rows(sim, held) -> Carried:
+    """The active ones of the rows `held` whose first end is an owned point, sorted by ids."""
+    pairs, layout = sim.bonds.pairs, held.layout
+    index, first, _, _ = layout.holders(held, pairs)
+    rows = np.flatnonzero(held.active & (first[index] < sim.particles.owned))
+    ids, place = layout.keys(held, pairs)
+    return Carried(ids[place[rows]], held.stress[rows], held.state[rows])
 
 
 def memory(sim) -> dict:
@@ -146,10 +146,10 @@ def install(sim, state: State) -> None:
     owned = {f.name: state.points[f.name] for f in p.migrating()}
     found_at = owned | {"position": owned["reference_position"]}
     sim.halo.rebuild(p, sim.domain, found_at, sim.ghost_reach)
-    for block, rows in zip(bonds.blocks, state.rows, strict=True):
-        block.carried = _shared(sim, rows)
+    for held, rows in zip(bonds.carriers, state.rows, strict=True):
+        held.carried = _shared(sim, rows)
     bonds.rebuild(p, sim.reach)
-    lost = sum(len(r.ids) - len(own_rows(sim, b).ids) for b, r in zip(bonds.blocks, state.rows, strict=True))
+    lost = sum(len(r.ids) - len(own_rows(sim, h).ids) for h, r in zip(bonds.carriers, state.rows, strict=True))
     if sim.comm.allreduce(lost) != 0:
         raise StateError("its rows are not between neighbours of this scene")
     for contact in sim.stages[sim.stage_number].contacts:

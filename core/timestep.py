@@ -67,7 +67,7 @@ def local_frequency(sim, contacts) -> float:
     p = sim.particles
     springs = np.zeros((p.total, p.dimension * (p.dimension + 1) // 2))
     for block in sim.bonds.blocks:
-        bulk, shear = block.material.elastic_moduli(block.stress, block.state)
+        bulk, shear = block.elastic_moduli()
         sim.scheme.add_springs(p, sim.bonds, block, bulk, shear, springs)
     stiffness = np.zeros(p.owned)
     for contact in contacts:
@@ -78,10 +78,14 @@ def local_frequency(sim, contacts) -> float:
 def highest_frequency(sim) -> float:
     """Highest frequency of the elastic operator of all bonds by Lanczos iteration, rad/s.
 
-    Stress, state and velocity are put aside meanwhile; nothing of the simulation changes.
+    The moduli are those of the present stress and state. These, and the velocity, are put aside meanwhile; nothing of
+    the simulation changes.
     """
     p, n = sim.particles, sim.particles.owned
-    kept = [(b.stress.copy(), b.state.copy(), b.active.copy(), b.total) for b in sim.bonds.blocks]
+    for block in sim.bonds.blocks:
+        block.held_moduli = block.elastic_moduli()
+    kept = [(r.stress.copy(), r.state.copy(), r.active.copy()) for r in sim.bonds.carriers]
+    totals = [b.total for b in sim.bonds.blocks]
     velocity, jacobian = p.velocity.copy(), p.jacobian.copy()
     root_mass = np.sqrt(p.mass)[:, None]
     vector = uniform(p.id[:n], p.dimension, seed=1) - 0.5
@@ -97,8 +101,10 @@ def highest_frequency(sim) -> float:
             break
         vector = image / beta
         beside.append(beta)
-    for block, (stress, state, active, total) in zip(sim.bonds.blocks, kept, strict=True):
-        block.stress[:], block.state[:], block.active[:], block.total = stress, state, active, total
+    for rows, (stress, state, active) in zip(sim.bonds.carriers, kept, strict=True):
+        rows.stress[:], rows.state[:], rows.active[:] = stress, state, active
+    for block, total in zip(sim.bonds.blocks, totals, strict=True):
+        block.total, block.held_moduli = total, None
     p.velocity[:], p.jacobian[:] = velocity, jacobian
     off = beside[: len(diagonal) - 1]
     matrix = np.diag(diagonal) + np.diag(off, 1) + np.diag(off, -1)
@@ -116,11 +122,13 @@ def apply_stiffness(sim, displacement):
     dt = 1e-15 * sim.spacing / size  # small enough to be linear
     p.velocity[: p.owned] = displacement
     sim.halo.update(p, "velocity")
+    for rows in sim.bonds.carriers:
+        rows.stress[:] = 0.0
     for block in sim.bonds.blocks:
-        block.stress[:], block.total = 0.0, None
+        block.total = None
     sim.scheme.deform(p, sim.bonds, sim.halo, dt, dt)
     for block in sim.bonds.blocks:
-        bulk, shear = block.material.elastic_moduli(block.stress, block.state)
+        bulk, shear = block.elastic_moduli()
         _elastic_stress(bulk, shear, block.strain_increment, block.stress)
     force = np.zeros((p.total, p.dimension))
     sim.scheme.internal_force(p, sim.bonds, sim.halo, force)

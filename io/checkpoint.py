@@ -60,10 +60,10 @@ def write(sim, target: Path, configuration: str, keep: int) -> Path:
     file.begin({"memory": json.dumps(memory(sim)), "configuration": configuration, "step": sim.step_number})
     n = p.owned
     file.put("points", p.id[:n], {name: getattr(p, name)[:n] for name in point_fields(sim)})
-    for block in sim.bonds.blocks:
-        rows = own_rows(sim, block)
+    for held in sim.bonds.carriers:
+        rows = own_rows(sim, held)
         columns = {"ids": rows.ids, "stress": rows.stress, "state": rows.state}
-        file.put(f"rows_{block.index}", rows.ids[:, 0], columns)
+        file.put(f"rows_{held.index}", rows.ids[:, 0], columns)
     file.finish()
     file.on_rank_0(remove, target, keep)
     return path
@@ -111,9 +111,7 @@ class _Writer:
             return None
         everyone = np.empty((sum(counts), *data.shape[1:]), data.dtype)
         width = int(np.prod(data.shape[1:]))
-        self.comm.Gatherv(
-            data.view(np.int64).ravel(), [everyone.view(np.int64).ravel(), [width * c for c in counts]]
-        )
+        self.comm.Gatherv(data.view(np.int64).ravel(), [everyone.view(np.int64).ravel(), [width * c for c in counts]])
         return everyone
 
     def finish(self) -> None:

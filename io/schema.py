@@ -105,7 +105,7 @@ class DynamicsStage(SceneModel):
 Stage = Annotated[RelaxStage | DynamicsStage, Field(discriminator="type")]
 
 
-SchemeName = Literal["bond_projected", "standard", "sub_horizon", "sub_horizon_published"]
+SchemeName = Literal["bond_projected", "point_state", "standard", "sub_horizon", "sub_horizon_published"]
 
 
 class CorrespondenceInput(SceneModel):
@@ -119,16 +119,23 @@ class CorrespondenceInput(SceneModel):
         "give both ends of a bond the mean of their gradients (sub_horizon_published, default true)", default=None
     )
 
+    dilatation: Literal["bond", "points"] | None = key(
+        "whose volume change a bond feels: its own, or, so that soil can flow at constant volume, its points' "
+        "(bond_projected, default bond)",
+        default=None,
+    )
+
     @model_validator(mode="after")
     def _has_the_options(self):
-        if self.options() and self.scheme != "sub_horizon_published":
-            given = ", ".join(self.options())
-            raise ValueError(f"'{self.scheme}' has no option {given}; leave it out, or choose sub_horizon_published")
+        for option in self.options():
+            scheme = "bond_projected" if option == "dilatation" else "sub_horizon_published"
+            if self.scheme != scheme:
+                raise ValueError(f"'{self.scheme}' has no option {option}; leave it out, or choose {scheme}")
         return self
 
-    def options(self) -> dict[str, bool]:
+    def options(self) -> dict[str, bool | str]:
         """The options that were given, by name."""
-        given = {"self_point": self.self_point, "average_ends": self.average_ends}
+        given = {"self_point": self.self_point, "average_ends": self.average_ends, "dilatation": self.dilatation}
         return {name: value for name, value in given.items() if value is not None}
 
 

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from . import closed_forms, collapse, columns, energy, kinematics, manufactured, motion, sliding, waves
+from . import closed_forms, collapse, columns, energy, footing, kinematics, manufactured, motion, sliding, slopes, waves
 from .common import Figure
 
-SCHEMES = ("bond_projected", "sub_horizon", "standard", "sub_horizon_published")
+SCHEMES = ("bond_projected", "point_state", "sub_horizon", "standard", "sub_horizon_published")
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ CASES = (
     Case("V3", motion.spectrum),
     Case("V3", motion.stability),
     Case("V4", energy.ledger),
-    Case("V4", energy.virtual_power, SCHEMES[:3]),
+    Case("V4", energy.virtual_power, SCHEMES[:4]),
     Case("V4", energy.stress_work),
     Case("V5", waves.wave_speed),
     Case("V6", manufactured.manufactured),
@@ -50,5 +50,8 @@ CASES = (
     Case("V15", sliding.incline),
     Case("V15", sliding.sticking),
     Case("V15", sliding.stopping),
+    Case("V20", footing.strip_footing),
+    Case("V21", slopes.vertical_cut),
+    Case("V21", slopes.sand_slope),
     Case("collapse", collapse.collapse),
 )

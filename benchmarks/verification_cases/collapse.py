@@ -25,14 +25,21 @@ class _Peak(Observer):
             self.kinetic = max(self.kinetic, sim.ledger.kinetic())
 
 
-def _deposit(spacing, scheme):
-    """Run-out and height over half of the width, last kinetic energy over its peak, rebuilds, ledger error."""
+def fallen(spacing, scheme, observers=(), **keys):
+    """The simulation of the column after it has come to rest; `keys` take the place of others in the input."""
     scene = read_yaml(importlib.resources.files("periporo.configs") / "column_collapse.yaml").data
-    sim = build(parse_scene(scene | {"spacing": spacing, "correspondence": scheme}), MPI.COMM_SELF)
-    peak = _Peak()
-    sim.observers.append(peak)
+    scene |= {"spacing": spacing, "correspondence": scheme} | keys
+    sim = build(parse_scene(scene), MPI.COMM_SELF)
+    sim.observers += observers
     sim.start()
     sim.run()
+    return sim
+
+
+def _deposit(spacing, scheme):
+    """Run-out and height over half of the width, last kinetic energy over its peak, rebuilds, ledger error."""
+    peak = _Peak()
+    sim = fallen(spacing, scheme, [peak])
     x = owned(sim, "position")
     connected = owned(sim, "share")[:, 1] > 0.0
     front = np.quantile(np.abs(x[connected, 0]), 0.99) + spacing / 2.0

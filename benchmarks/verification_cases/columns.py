@@ -19,24 +19,25 @@ from .common import (
 HEIGHT = 0.2
 
 
-def _column(rows, scheme, stage):
+def _column(rows, scheme, stage, **keys):
     """Column of `rows` free rows, 8 points wide, held along x everywhere: a state of uniaxial strain.
 
     It stands on points that are held to the depth of the horizon; the floor, y = 0, runs through the highest
     of them, so half of their cells belongs to the column.
     """
     spacing = HEIGHT / (rows + 0.5)
+    depth = np.ceil(keys.get("horizon", 2.2)) - 0.5
     return simulation(
-        spacing, box([0.0, -2.5 * spacing], [8 * spacing, HEIGHT]), scheme=scheme, gravity=[0.0, -GRAVITY],
+        spacing, box([0.0, -depth * spacing], [8 * spacing, HEIGHT]), scheme=scheme, gravity=[0.0, -GRAVITY],
         boundaries={"floor": {"where": {"upper": [None, 0.5 * spacing]}, "fix": ["y"]},
                     "sides": {"where": {"lower": [None, -1.0]}, "fix": ["x"]}},
-        stages=[{"name": "weight", "boundaries": ["floor", "sides"], **stage}],
+        stages=[{"name": "weight", "boundaries": ["floor", "sides"], **stage}], **keys,
     )  # fmt: skip
 
 
-def _settled(rows, scheme):
-    """Errors of interior stress and of the settlement of the highest points, relative."""
-    sim = _column(rows, scheme, {"type": "relax", "tolerance": 1e-7})
+def settled(rows, scheme, **keys):
+    """Errors of interior stress and of the settlement of the highest points, relative; more `keys` of the input."""
+    sim = _column(rows, scheme, {"type": "relax", "tolerance": 1e-7}, **keys)
     sim.start()
     sim.run()
     y = owned(sim, "initial_position")[:, 1]
@@ -52,7 +53,7 @@ def _settled(rows, scheme):
 def self_weight(full=False, scheme="bond_projected"):
     """V7: settled column; the settlement is that of the highest points."""
     rows = (10, 20, 40, 80) if full else (10, 20, 40)
-    stress, settlement = np.array([_settled(n, scheme) for n in rows]).T
+    stress, settlement = np.array([settled(n, scheme) for n in rows]).T
     return [
         Figure("interior stress at 40 rows, relative L2", stress[2], at_most=0.003),
         Figure("settlement at 40 rows, relative", settlement[2], at_most=0.01),

@@ -113,10 +113,22 @@ class Recorder(Observer):
         return np.array(self.rows).T
 
 
-def row_volumes(sim, block):
-    """Volume (n,) m^3 that each row of a block stands for, 0 for rows without state."""
-    rows = np.arange(len(block.active))
-    return block.active * sim.scheme.rows.volumes(block, sim.bonds.pairs, sim.particles, rows)
+def row_volumes(sim, held):
+    """Volume (n,) m^3 that each row of a block, or each link, stands for, 0 for rows without state."""
+    rows = np.arange(len(held.active))
+    return held.active * held.layout.volumes(held, sim.bonds.pairs, sim.particles, rows)
+
+
+def link_rates(sim, dt=0.0):
+    """Rate (n,) 1/s in the middle of a step of `dt` of the non-affine strain along each pair: its link works on it."""
+    p, pairs, d = sim.particles, sim.bonds.pairs, sim.particles.dimension
+    xi = p.position[pairs.second] - p.position[pairs.first]
+    velocity = p.velocity[pairs.second] - p.velocity[pairs.first]
+    mean = 0.5 * (p.gradient[pairs.first] + p.gradient[pairs.second]).reshape(-1, d, d)
+    residual = velocity - np.einsum("nab,nb->na", mean, xi)
+    residual += 0.5 * dt * np.einsum("nab,nb->na", mean, residual)
+    xi = xi - 0.5 * dt * velocity
+    return (xi * residual).sum(axis=1) / (xi**2).sum(axis=1)
 
 
 def contract(a, b):
@@ -125,11 +137,14 @@ def contract(a, b):
 
 
 def strain_energy(sim):
-    """Sum of c sigma : C^-1 : sigma / 2 over the rows of an elastic scene, J."""
+    """Sum of c sigma : C^-1 : sigma / 2 over the rows of an elastic scene, and of c s^2 / 2E over its links, J."""
     total = 0.0
     for block in sim.bonds.blocks:
         s = block.stress
         p = s[:, :3].sum(axis=1) / 3.0
         deviatoric = contract(s, s) - 3.0 * p**2
         total += float((row_volumes(sim, block) * (p**2 / BULK + deviatoric / (2.0 * SHEAR))).sum()) / 2.0
+    if sim.bonds.links is not None:
+        links = sim.bonds.links
+        total += float((row_volumes(sim, links) * links.stress[:, 0] ** 2).sum()) / P_MODULUS / 2.0
     return total

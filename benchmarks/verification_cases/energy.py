@@ -11,6 +11,7 @@ from .common import (
     ImposedVelocity,
     box,
     contract,
+    link_rates,
     order,
     owned,
     row_volumes,
@@ -65,35 +66,38 @@ def ledger(full=False, scheme="bond_projected"):
 
 
 class _StressPower:
-    """Adds up volume times stress : strain increment of all rows by the trapezoidal rule in time."""
+    """Adds up volume times stress : strain increment of all rows and links by the trapezoidal rule in time."""
 
     def __init__(self, sim):
         self.sim, self.work, self.largest = sim, 0.0, 0.0
         self._volumes = self._row_volumes()
-        self._deform = sim.scheme.deform
-        sim.scheme.deform = self._deform_and_keep
-        sim.point_processes.append(self)
+        self._deform, self._internal_force = sim.scheme.deform, sim.scheme.internal_force
+        sim.scheme.deform, sim.scheme.internal_force = self._deform_and_keep, self._add_force_and_power
 
     def _deform_and_keep(self, particles, bonds, *rest):
         self._deform(particles, bonds, *rest)
-        self._stresses = [block.stress.copy() for block in bonds.blocks]  # turned to the end of the step
+        self._stresses = [rows.stress.copy() for rows in bonds.carriers]  # turned to the end of the step
 
     def _row_volumes(self):
-        """Ids of the rows' ends in one number, ascending, and the rows' volumes, of every block."""
+        """Ids of the rows' ends in one number, ascending, and the rows' volumes, of every block and the links."""
         found = []
-        for block in self.sim.bonds.blocks:
-            ids, place = self.sim.scheme.rows.keys(block, self.sim.bonds.pairs)
-            found.append((ids[place, 0] << 32 | ids[place, 1], row_volumes(self.sim, block)))
+        for rows in self.sim.bonds.carriers:
+            ids, place = rows.layout.keys(rows, self.sim.bonds.pairs)
+            found.append((ids[place, 0] << 32 | ids[place, 1], row_volumes(self.sim, rows)))
         return found
 
-    def update(self, particles, bonds, dt):
-        """Called between stress and force, while the volumes are those of the force."""
+    def _add_force_and_power(self, particles, bonds, *rest):
+        self._internal_force(particles, bonds, *rest)
         before, self._volumes = self._volumes, self._row_volumes()
-        for block, stress, old, new in zip(bonds.blocks, self._stresses, before, self._volumes, strict=True):
+        strains = [block.strain_increment for block in bonds.blocks]
+        if bonds.links is not None:
+            strains.append(self.sim.dt * link_rates(self.sim, self.sim.dt)[:, None])
+        for rows, strain, stress, old, new in zip(
+            bonds.carriers, strains, self._stresses, before, self._volumes, strict=True
+        ):
             place = np.minimum(np.searchsorted(old[0], new[0]), len(old[0]) - 1)
             volume = np.where(old[0][place] == new[0], old[1][place], 0.0)  # a newborn row had none
-            power = volume * contract(stress, block.strain_increment)
-            power += new[1] * contract(block.stress, block.strain_increment)
+            power = volume * contract(stress, strain) + new[1] * contract(rows.stress, strain)
             self.work += 0.5 * float(power.sum())
         self.largest = max(self.largest, abs(self.work))
 
@@ -108,7 +112,7 @@ def virtual_power(full=False, scheme="bond_projected"):
         )
         sim.start()
         random = np.random.default_rng(0)
-        p, tiny = sim.particles, 1e-15
+        p, tiny = sim.particles, 1e-20
         p.velocity[:] = random.normal(size=p.velocity.shape)
         sim.scheme.deform(p, sim.bonds, sim.halo, tiny, tiny)
         power = size = 0.0
@@ -116,7 +120,12 @@ def virtual_power(full=False, scheme="bond_projected"):
             block.stress[:] = random.normal(size=block.stress.shape)
             rows = row_volumes(sim, block) * contract(block.stress, block.strain_increment) / tiny
             power, size = power + rows.sum(), size + np.abs(rows).sum()
+        links = sim.bonds.links
+        if links is not None:
+            links.stress[:] = random.normal(size=links.stress.shape)
         sim.scheme.internal_force(p, sim.bonds, sim.halo, p.internal_force)
+        if links is not None:
+            power += (row_volumes(sim, links) * links.stress[:, 0] * link_rates(sim)).sum()
         mismatch = abs((owned(sim, "internal_force") * owned(sim, "velocity")).sum() + power) / size
         figures.append(Figure(f"power of force and of stress, {dimension}D, relative", mismatch, at_most=1e-12))
     return figures

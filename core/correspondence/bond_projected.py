@@ -12,6 +12,10 @@ present ones, with Z_i = sum_b (c_b/2) (sigma_b - (sigma_b xi) (x) n):
 
     t_ij = c_ij sigma_ij n + w V_i V_j (B_i + B_j) xi,  B_i = Z_i K_i^-1 / V_i.
 
+With `dilatation` = "points" a bond expands at the rate of its points alone, tr L_ij = tr L: only the deviator of the
+correction is added, and in the products with xi sigma is replaced by s = sigma - tr(sigma)/d I. Bonds that each keep
+their own volume leave a body less freedom than plastic flow at constant volume needs; points leave enough.
+
 beta is 1 in a regular neighbourhood and falls to 0, with its width, where the neighbours do not span space any
 more: such a point flies freely. Momenta are conserved to rounding, the elastic operator is symmetric and positive
 semi-definite. Points closer than `closest` are a lump, which no lattice has: there the correction counts less, or its
@@ -54,11 +58,12 @@ class BondProjected:
     name = "bond_projected"
     rows = PairRows()
 
-    def __init__(self, horizon: float, influence_name: str):
-        """`horizon` m; `influence_name` one of `influence.NAMES`."""
+    def __init__(self, horizon: float, influence_name: str, dilatation: str = "bond"):
+        """`horizon` m; `influence_name` one of `influence.NAMES`; `dilatation` of a bond: its own or its "points"."""
         self.horizon = support(influence_name, horizon)
         self.closest = CLOSEST * horizon
         self.table = influence_table(influence_name)
+        self.taken = 1.0 if dilatation == "points" else 0.0  # of the spherical part of a bond's correction
         self._degenerate = 0  # points without a regular neighbourhood in the last step
 
     def deform(self, particles, bonds, halo, dt: float, material_dt: float) -> None:
@@ -77,7 +82,7 @@ class BondProjected:
         for block in bonds.blocks:
             _strain_rows(
                 block.pair, block.active, pairs.first, pairs.second, p.position, p.velocity, p.gradient, self.closest,
-                dt, block.stress, block.strain_increment, block.state, block.tensor_columns, p.dim,
+                dt, block.stress, block.strain_increment, block.state, block.tensor_columns, self.taken, p.dim,
             )  # fmt: skip
 
     def _exchange(self, p, bonds, halo):
@@ -93,7 +98,7 @@ class BondProjected:
         for block in bonds.blocks:
             _sum_flux(
                 block.pair, block.side, block.active, pairs.first, pairs.second, pairs.weight, p.position, p.volume,
-                p.share, block.total_stress, self.closest, p.flux, p.dim,
+                p.share, block.total_stress, self.closest, p.flux, self.taken, p.dim,
             )  # fmt: skip
         _close_flux(p.owned, p.volume, p.shape_inverse, p.flux, p.dim)
         halo.update(p, "flux")
@@ -101,7 +106,7 @@ class BondProjected:
         for block in bonds.blocks:
             _add_force(
                 block.pair, block.side, block.active, pairs.first, pairs.second, pairs.weight, p.position, p.volume,
-                p.share, block.total_stress, self.closest, p.flux, force, p.dim,
+                p.share, block.total_stress, self.closest, p.flux, force, self.taken, p.dim,
             )  # fmt: skip
 
     def add_springs(self, particles, bonds, block, bulk, shear, springs) -> None:
@@ -116,7 +121,7 @@ class BondProjected:
 @kernel
 def _strain_rows(
     pair, active, first, second, position, velocity, gradient, closest, dt, stress, strain_increment, state, tensors,
-    dim,
+    taken, dim,
 ):  # fmt: skip
     tile, rows, used = kinematics.new_tile(dim), np.zeros(LANES, np.int64), 0
     extra = kinematics.extra_quantity(dim)
@@ -130,24 +135,32 @@ def _strain_rows(
         else:
             la.store(strain_increment, r, 0, la.zero_symmetric(dim))
         if used == LANES or r == pair.shape[0] - 1:
-            _correct_tile(tile, extra, closest, dim)
+            _correct_tile(tile, extra, closest, taken, dim)
             kinematics.turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, dim)
             used = 0
 
 
 @inlined
-def _correct_tile(tile, extra, closest, dim):
-    """Mean gradients L become the bonds' own, L + (dv - L xi) (x) n."""
+def _correct_tile(tile, extra, closest, taken, dim):
+    """Mean gradients L become the bonds' own, L + (dv - L xi) (x) n, less `taken` of its spherical part."""
     for k in range(LANES):
         mean = la.from_lane(tile, 0, k, la.zero_matrix(dim))
         xi = la.from_lane(tile, extra, k, la.zero_vector(dim))
         dv = la.from_lane(tile, extra + len(dim), k, la.zero_vector(dim))
         residual = la.minus(dv, la.apply(mean, xi))
-        la.to_lane(tile, 0, k, la.plus_dyad(mean, residual, direction(xi, closest)))
+        n = direction(xi, closest)
+        own = la.plus_dyad(mean, residual, n)
+        la.to_lane(tile, 0, k, la.plus_spherical(own, -taken / len(dim) * la.dot(residual, n)))
+
+
+@inlined
+def _along(stress, x, taken):
+    """Stress times x, less `taken` of the stress's spherical part."""
+    return la.minus(la.apply_symmetric(stress, x), la.scaled(x, taken * la.mean_normal(stress, x)))
 
 
 @kernel
-def _sum_flux(pair, side, active, first, second, weight, position, volume, share, stress, closest, flux, dim):
+def _sum_flux(pair, side, active, first, second, weight, position, volume, share, stress, closest, flux, taken, dim):
     """Add (c/2)(sigma - (sigma xi) (x) n) of each row to Z of both ends."""
     for r in range(pair.shape[0]):
         if not active[r]:
@@ -158,7 +171,7 @@ def _sum_flux(pair, side, active, first, second, weight, position, volume, share
         s = la.symmetric_at(stress, r, 0, dim)
         half = 0.5 * row_volume(side[r], weight[b] * volume[i] * volume[j], share, i, j)
         z = la.full(s)
-        z = la.plus_dyad(z, la.apply_symmetric(s, xi), la.scaled(direction(xi, closest), -1.0))
+        z = la.plus_dyad(z, _along(s, xi, taken), la.scaled(direction(xi, closest), -1.0))
         la.add(flux, i, 0, z, half)
         la.add(flux, j, 0, z, half)
 
@@ -172,7 +185,9 @@ def _close_flux(owned, volume, shape_inverse, flux, dim):
 
 
 @kernel
-def _add_force(pair, side, active, first, second, weight, position, volume, share, stress, closest, flux, force, dim):
+def _add_force(
+    pair, side, active, first, second, weight, position, volume, share, stress, closest, flux, force, taken, dim
+):
     """Add t_ij to both ends: the flux part once for each pair, the bond's own part for each active row."""
     for r in range(pair.shape[0]):
         b = pair[r]
@@ -184,7 +199,7 @@ def _add_force(pair, side, active, first, second, weight, position, volume, shar
         lead = 0.0 if side[r] == SECOND else 2.0 * wvv
         own = row_volume(side[r], wvv, share, i, j) if active[r] else 0.0
         t = la.apply(la.mean_matrix(flux, i, j, dim), xi)
-        u = la.apply_symmetric(la.symmetric_at(stress, r, 0, dim), direction(xi, closest))
+        u = _along(la.symmetric_at(stress, r, 0, dim), direction(xi, closest), taken)
         for a in range(len(dim)):
             f = lead * t[a] + own * u[a]
             force[i, a] += f

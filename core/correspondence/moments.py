@@ -24,8 +24,8 @@ def update_neighbourhoods(particles, pairs, horizon: float, table: np.ndarray, d
         p.dim,
     )  # fmt: skip
     degenerate = _close_points(
-        p.owned, dt, horizon, p.volume, pairs.count, p.sums, p.dilation, p.share, p.shape_inverse, p.gradient, p.jacobian,
-        p.dim,
+        p.owned, dt, horizon, p.volume, pairs.count, p.sums, p.dilation, p.share, p.shape_inverse, p.gradient,
+        p.jacobian, p.dim,
     )  # fmt: skip
     return crossed, degenerate
 
@@ -35,9 +35,9 @@ def integrity_of(square_width, horizon):
     """beta of a neighbourhood: 1 if it is wide, 0 if it is degenerate, quadratic in between.
 
     The square of the width is the harmonic mean of the eigenvalues of K/W: small where neighbours do not span space,
-    or are a lump much smaller than the horizon. What a velocity does to the gradient grows like one over the width, and
-    with it the frequency of the point; without a fade a few lumps would set the time step of the whole scene. The corner
-    of a lattice has .08 or more, its inside .1 to .2, with any influence function and m = 2 to 3.
+    or are a lump much smaller than the horizon. What a velocity does to the gradient grows like one over the width,
+    and with it the frequency of the point; without a fade a few lumps would set the time step of the whole scene. The
+    corner of a lattice has .08 or more, its inside .1 to .2, with any influence function and m = 2 to 3.
     """
     wide = (square_width / (horizon * horizon) - DEGENERATE) / (REGULAR - DEGENERATE)
     return min(wide, 1.0) ** 2 if wide > 0.0 else 0.0

@@ -1,24 +1,40 @@
-"""Runs the command line on several ranks and sends the last one a signal after a step.
+"""Runs the command line on several ranks, with a signal after a step.
 
-    mpirun -n 2 python interrupted.py SIGTERM 40 config.yaml ...
+mpirun -n 2 python interrupted.py SIGTERM 40 config.yaml ...            to the last rank
+mpirun -n 2 python interrupted.py mpirun:SIGTERM 40 config.yaml ...     to mpirun, which passes it on
+mpirun -n 2 python interrupted.py everyone:SIGTERM 40 config.yaml ...   to mpirun and to every rank
 """
 
 import os
 import signal
 import sys
+import time
+from pathlib import Path
 
 from mpi4py import MPI
 
 from periporo.core import cli
 from periporo.core.interrupt import Keeper
 
-NAME, STEP = sys.argv[1], int(sys.argv[2])
+TO, _, NAME = sys.argv[1].rpartition(":")
+STEP = int(sys.argv[2])
 COMM = MPI.COMM_WORLD
 
 
+def mpirun():
+    """The process that started the one that started us."""
+    return int(Path(f"/proc/{os.getppid()}/stat").read_text().rpartition(")")[2].split()[1])
+
+
 def check_after_signal(self, sim, check=Keeper.check):
-    if sim.step_number == STEP and COMM.rank == COMM.size - 1:
-        os.kill(os.getpid(), getattr(signal, NAME))
+    if sim.step_number == STEP:
+        number, last = getattr(signal, NAME), COMM.rank == COMM.size - 1
+        if TO != "mpirun" and (last or TO == "everyone"):
+            os.kill(os.getpid(), number)
+        if TO and last:
+            os.kill(mpirun(), number)
+        while TO and not self.signals.wishes:
+            time.sleep(0.01)
     check(self, sim)
 
 

@@ -64,6 +64,15 @@ def check_bisection_gives_equal_weights():
         assert (np.nan_to_num(again.lower) == np.nan_to_num(domain.lower)).all() or RANKS > 1
 
 
+def check_cuts_lie_between_rows_of_points():
+    x, y = np.meshgrid(np.arange(24.0), np.arange(15.0))
+    grid = np.stack([x.ravel(), y.ravel()], axis=1)
+    domain = bisect(COMM, mine(grid), np.ones(len(mine(grid))))
+    assert all(abs(cut % 1.0 - 0.5) < 1e-9 for _, _, cut, _ in domain.cuts)
+    counts = np.bincount(domain.owner(grid), minlength=RANKS)
+    assert counts.sum() == len(grid) and counts.max() <= len(grid) / RANKS + 15
+
+
 def check_bisection_with_fewer_points_than_ranks():
     position = np.zeros((1 if RANK == 0 else 0, 2))
     owner = bisect(COMM, position, np.ones(len(position))).owner(np.zeros((1, 2)))

@@ -57,6 +57,7 @@ def wet_column():
 
 def stacked_cubes():
     """A cube of sand slides on a soft one, which lies on the floor: contact of bodies."""
+
     def cube(name, material, height, velocity):
         lower, upper = [-0.06, -0.06, height], [0.06, 0.06, height + 0.08]
         return {"name": name, "material": material, "velocity": velocity,
@@ -133,6 +134,21 @@ def test_interruptions_and_other_numbers_of_ranks_change_no_bit(interrupt, tmp_p
     assert run.returncode == 0, run.stderr
     assert_same_bits(one, contents(tmp_path / "scene.h5"))
     assert "nothing to resume" in interrupt(1, "--resume").stdout
+
+
+def test_the_batch_systems_signals_reach_the_ranks(interrupt, tmp_path):
+    """mpirun passes SIGUSR1 and SIGTERM on; who signals it and every rank asks only once."""
+    scene = column()
+    scene["stages"] = [{"name": "fall", "type": "dynamics", "duration": 0.02}]
+    write_scene(tmp_path, scene)
+    run = interrupt(2, name="mpirun:SIGUSR1", step=20)
+    assert run.returncode == 0 and "step 20: scene.checkpoint" in run.stdout, run.stderr
+    one = contents(tmp_path / "scene.h5")
+    for step, target, words in ((10, "mpirun", ["--overwrite"]), (20, "everyone", ["--resume"])):
+        run = interrupt(2, *words, name=f"{target}:SIGTERM", step=step)
+        assert run.returncode == 0 and f"step {step}; checkpoint" in run.stdout, run.stderr
+    assert interrupt(1, "--resume").returncode == 0
+    assert_same_bits(one, contents(tmp_path / "scene.h5"))
 
 
 @pytest.mark.parametrize("scheme", [name for name in SCHEMES if name != "bond_projected"])

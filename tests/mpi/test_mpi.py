@@ -123,7 +123,7 @@ def test_more_ranks_than_points(mpirun, tmp_path, scene_of):
 def test_parts_of_the_core(mpirun, tmp_path, ranks):
     run = mpirun(ranks, HERE / "parts.py", folder=tmp_path)
     assert run.returncode == 0, run.stderr
-    assert len(run.stdout.split()) == 6
+    assert len(run.stdout.split()) == 7
 
 
 def test_a_fault_on_one_rank_ends_the_job_with_its_traceback(mpirun, tmp_path, scene_of):

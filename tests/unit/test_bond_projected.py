@@ -6,6 +6,8 @@ import pytest
 from periporo.core.correspondence.influence import NAMES, support
 from periporo.core.correspondence.moments import DEGENERATE, LOOSEST, REGULAR
 from periporo.core.tensors import to_matrix
+from periporo.io.input_errors import InputError
+from periporo.io.schema import parse_scene
 from periporo.materials.elastic import Elastic
 
 SPACING = 0.01
@@ -13,14 +15,14 @@ CLOUDS = [((6, 5), 1), ((6, 5), 2), ((4, 3, 4), 1), ((4, 3, 4), 2)]
 SOFT = Elastic(density=2100.0, bulk_modulus=1e7, shear_modulus=4e6)
 
 
-@pytest.fixture(params=CLOUDS, ids=lambda c: f"{len(c[0])}D, {c[1]} laws")
+@pytest.fixture(params=[(*c, t) for c in CLOUDS for t in (0.0, 1.0)], ids=lambda c: f"{len(c[0])}D, {c[1]}, {c[2]:g}")
 def sim(request, cloud, grid):
-    """A jittered cloud with unequal volumes, random velocities and random stress in every row."""
-    counts, laws = request.param
+    """A jittered cloud with unequal volumes, random velocities and random stress in every row; two dilatations."""
+    counts, laws, taken = request.param
     rng = np.random.default_rng(4)
     position = grid(*counts, spacing=SPACING, jitter=0.2)
     sim = cloud(position, laws=[Elastic.example(), SOFT][:laws], law_of=rng.integers(0, laws, len(position)))
-    p = sim.particles
+    p, sim.scheme.taken = sim.particles, taken
     p.volume *= rng.uniform(0.7, 1.4, p.total)
     p.velocity[:] = rng.normal(size=p.velocity.shape)
     sim.scheme.deform(p, sim.bonds, sim.halo, 0.0, np.inf)
@@ -68,6 +70,8 @@ def test_strain_increments_follow_the_formula(sim):
         x, mean = xi[i, j], 0.5 * (gradient[i] + gradient[j])
         bond = mean + np.outer(dv[i, j] - mean @ x, x) / (x @ x)
         assert bond @ x == pytest.approx(dv[i, j], rel=1e-10)  # the bond sees its own relative velocity
+        if sim.scheme.taken:
+            bond += (np.trace(mean) - np.trace(bond)) / d * np.eye(d)  # and expands as its points do
         rate = np.zeros((3, 3))
         rate[:d, :d] = 0.5 * (bond + bond.T)
         found = to_matrix(block.strain_increment[r : r + 1])[0] / dt
@@ -81,10 +85,11 @@ def test_internal_force_follows_the_formula(sim):
     for block, r, i, j, c in rows_of(sim):
         x = xi[i, j]
         s = to_matrix(block.stress[r : r + 1])[0][:d, :d]
-        part = 0.5 * c * (s - np.outer(s @ x, x) / (x @ x))
+        along = (s - sim.scheme.taken * np.trace(s) / d * np.eye(d)) @ x
+        part = 0.5 * c * (s - np.outer(along, x) / (x @ x))
         z[i] += part
         z[j] += part
-        t = c * s @ x / (x @ x)
+        t = c * along / (x @ x)
         expected[i] += t
         expected[j] -= t
     flux = z @ inverse / p.volume[:, None, None]
@@ -130,6 +135,14 @@ def test_force_is_the_conjugate_of_the_stress_power(sim):
         sigma = to_matrix(stress[block.index][r : r + 1])[0]
         found += c * (sigma * to_matrix(block.strain_increment[r : r + 1])[0]).sum() / dt
     assert found == pytest.approx(power, rel=1e-10)
+
+
+def test_the_input_names_the_dilatation(scene_of, started):
+    points = started(scene_of(correspondence={"scheme": "bond_projected", "dilatation": "points"}))
+    own = started(scene_of(correspondence={"scheme": "bond_projected", "dilatation": "bond"}))
+    assert (points.scheme.taken, own.scheme.taken, started(scene_of()).scheme.taken) == (1.0, 0.0, 0.0)
+    with pytest.raises(InputError, match="'standard' has no option dilatation; leave it out, or choose bond_projected"):
+        parse_scene(scene_of(correspondence={"scheme": "standard", "dilatation": "points"}))
 
 
 def test_affine_velocity_is_seen_exactly_by_points_and_bonds(sim):

@@ -6,6 +6,7 @@ import pytest
 from periporo.contact.rigid import RigidContact
 from periporo.contact.surfaces import Plane
 from periporo.core.timestep import StableTimeStep, apply_stiffness, highest_frequency, local_frequency
+from periporo.materials.elastic import Elastic
 
 SPACING = 0.01
 
@@ -50,6 +51,25 @@ def test_measuring_changes_nothing(cloud, grid):
     highest_frequency(sim)
     now = (block.stress, block.active, p.velocity, p.jacobian, p.position, p.volume)
     assert all((a == b).all() for a, b in zip(kept, now, strict=True))
+
+
+class Stiffening(Elastic):
+    """Elastic, with moduli four times as large at a pressure of 1 MPa as without."""
+
+    def elastic_moduli(self, stress, state):
+        bulk, shear = super().elastic_moduli(stress, state)
+        factor = 1.0 - 1e-6 * stress[:, :3].sum(axis=1)
+        return factor * bulk, factor * shear
+
+
+def test_step_follows_the_stiffness_at_the_present_stress(cloud, grid):
+    parameters = dict(density=1760.0, bulk_modulus=25e6, shear_modulus=15e6)
+    steps = []
+    for law, pressure in ((Stiffening(**parameters), 0.0), (Stiffening(**parameters), 1e6)):
+        sim = cloud(grid(6, 5, spacing=SPACING, jitter=0.1), laws=[law])
+        sim.bonds.blocks[0].stress[:] = -pressure * np.array([1.0, 1.0, 1.0, 0.0])
+        steps.append(StableTimeStep(0.8, None, 10).choose(sim))
+    assert steps[0] / steps[1] == pytest.approx(2.0, rel=1e-6)
 
 
 def test_step_is_the_given_share_of_the_limit(cloud, grid):

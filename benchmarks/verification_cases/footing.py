@@ -1,0 +1,93 @@
+"""V20: bearing capacity of a strip footing on weightless clay without drainage (Prandtl 1921): q = (2 + pi) c.
+
+The clay is `drucker_prager` without friction: von Mises with sqrt(J2) = c. Plastic flow keeps the volume, so in plane
+strain the stress out of plane is the mean of the other two at failure, sqrt(J2) is the radius of Mohr's circle, and c
+is the undrained strength as in Tresca's criterion. The footing is a row of points that is driven down, slowly; the
+load is the force that the soil opposes to it, over its width, which is that of the points' cells.
+"""
+
+import numpy as np
+
+from .common import Figure, Recorder, box, owned, simulation
+
+COHESION = 10e3  # Pa
+SHEAR = 1000.0 * COHESION
+CLAY = {
+    "model": "drucker_prager", "density": 1800.0, "bulk_modulus": 10.0 * SHEAR, "shear_modulus": SHEAR,
+    "cohesion": COHESION, "friction_angle": 0.0,
+}  # fmt: skip
+HALF_WIDTH, HALF_LENGTH, DEPTH = 1.0, 3.5, 2.0  # of the footing and of the soil, m
+EXACT = 2.0 + np.pi
+SPEED, SETTLEMENT = 0.012, 0.01  # m/s, m: shear waves are six thousand times faster
+
+
+def flowing(scheme):
+    """The scheme with what lets soil flow at constant volume."""
+    return {"scheme": scheme, "dilatation": "points"} if scheme == "bond_projected" else scheme
+
+
+def load_curve(points, scheme, *, rough=True, speed=SPEED):
+    """Settlement (k,) over the width, and load (k,) over c and the width, with `points` points under the footing."""
+    spacing = 2.0 * HALF_WIDTH / points
+    sim = simulation(
+        spacing, box([-HALF_LENGTH, 0.0], [HALF_LENGTH, DEPTH]), scheme=scheme, material=CLAY,
+        boundaries=_boundaries(spacing, rough, speed),
+        stages=[{"name": "push", "type": "dynamics", "duration": SETTLEMENT / speed + 0.5 * _ramp(speed),
+                 "boundaries": ["footing", "sides", "other side", "base"]}],
+    )  # fmt: skip
+    sim.start()
+    footing = sim.stages[0].prescribed_motions[0]
+
+    def state(s):
+        rows = np.isin(s.particles.id[: s.particles.owned], footing.ids)
+        settled = (owned(s, "initial_position") - owned(s, "position"))[rows, 1].mean()
+        return settled, owned(s, "internal_force")[rows, 1].sum()
+
+    record = Recorder(state, 10)
+    sim.observers.append(record)
+    sim.run()
+    _, settled, force = record.columns()
+    return settled / (2.0 * HALF_WIDTH), force / (2.0 * HALF_WIDTH * COHESION)
+
+
+def _ramp(speed):
+    """Time (s) in which the footing gets up to its speed."""
+    return 0.1 * SETTLEMENT / speed
+
+
+def _boundaries(spacing, rough, speed):
+    down = {"y": {"times": [0.0, _ramp(speed)], "values": [0.0, -speed]}}
+    footing = {"lower": [-HALF_WIDTH, DEPTH - spacing], "upper": [HALF_WIDTH, None]}
+    inside = HALF_LENGTH - 2.0 * spacing
+    return {
+        "footing": {"where": footing, "velocity": down | ({"x": 0.0} if rough else {})},
+        "base": {"where": {"upper": [None, 2.0 * spacing]}, "fix": ["x", "y"]},
+        "sides": {"where": {"upper": [-inside, None]}, "fix": ["x"]},
+        "other side": {"where": {"lower": [inside, None]}, "fix": ["x"]},
+    }
+
+
+def plateau(settled, load):
+    """Mean load of the last fifth of the settlement, and how much it still rises in the last half, relative."""
+    last, half = (load[settled > share * settled[-1]] for share in (0.8, 0.5))
+    return last.mean(), np.ptp(half) / last.mean()
+
+
+def strip_footing(full=False, scheme="bond_projected"):
+    """V20: strip footing on undrained clay, load at failure over c and width: 2 + pi."""
+    numbers = (16, 32, 64) if full else (24,)
+    own, scheme = scheme, flowing(scheme)
+    found = np.array([plateau(*load_curve(n, scheme)) for n in numbers])
+    figures = [Figure(f"rough, {n} points under it (5.1416)", q) for n, q in zip(numbers, found[:, 0], strict=True)]
+    error = np.abs(found[:, 0] / EXACT - 1.0)
+    figures += [Figure("relative error of the finest", error[-1], at_most=0.08 if not full else 0.04)]
+    figures += [Figure("rise in the last half of the settlement, relative", found[:, 1].max(), at_most=0.02)]
+    if full:
+        slow = plateau(*load_curve(16, scheme, speed=SPEED / 2.0))[0]
+        figures += [
+            Figure("error with twice the points, / error", (error[1:] / error[:-1]).max(), at_most=0.75),
+            Figure("smooth, 32 points", plateau(*load_curve(32, scheme, rough=False))[0]),
+            Figure("half the speed, 16 points, relative change", abs(slow / found[0, 0] - 1.0), at_most=0.01),
+            *(Figure(f"dilatation: bond, {n} points", plateau(*load_curve(n, own))[0]) for n in (16, 32)),
+        ]
+    return figures

@@ -1,0 +1,97 @@
+"""Gives damaged scenes to the command line on all ranks, and takes down what it answers.
+
+    mpirun -n 2 python refusals.py answers.json 300
+
+Each scene of `periporo.configs` is damaged that many times (see tests/mutations.py; with 10000, in all ways). The file
+gets a list of [what was done, exit status of each rank, standard output and error of each rank, files that appeared].
+"""
+
+import contextlib
+import importlib.util
+import io
+import json
+import os
+import random
+import sys
+from functools import cache
+from importlib import resources
+from pathlib import Path
+
+os.environ["MPIR_CVAR_CH4_PROGRESS_THROTTLE"] = "1"  # ranks that wait for rank 0 sleep; before MPI starts
+
+from mpi4py import MPI
+
+from periporo.core import cli
+from periporo.core.simulation import Simulation
+from periporo.core.watchdog import WatchdogError
+from periporo.io.yaml_source import read_yaml
+from periporo.materials import registry
+
+COMM = MPI.COMM_WORLD
+_SPEC = importlib.util.spec_from_file_location("mutations", Path(__file__).parents[1] / "mutations.py")
+mutations = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(mutations)
+SCENE = Path("scene.yaml")
+
+
+def shipped():
+    """The shipped scenes by name."""
+    folder = Path(resources.files("periporo.configs"))
+    return {path.stem: read_yaml(path).data for path in sorted(folder.glob("*.yaml"))}
+
+
+def damages(scene, count):
+    """(what, bytes) of all special damage, and of so much structural damage that there are `count`."""
+    m = mutations
+    special = [*m.contradictory(scene), *m.out_of_range(scene), *m.paths(scene)]
+    texts = list(m.texts(scene))
+    structural = [*m.lookalikes(scene), *m.structural(scene, most=2)]
+    random.Random(1).shuffle(structural)
+    for what, path, damaged in special + structural[: max(0, count - len(special) - len(texts))]:
+        yield f"{what} at {path}", m.dumped(damaged).encode()
+    yield from texts
+
+
+def answer(text):
+    """Status, output and error of all ranks for a scene of these bytes, and what appeared beside it; on rank 0."""
+    if COMM.rank == 0:
+        SCENE.write_bytes(text)
+    COMM.Barrier()
+    out, error = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
+        try:
+            status = cli.main([str(SCENE)])
+        except BaseException as crash:  # one rank alone would raise; the test wants to see it
+            status = repr(crash)
+    answers = COMM.gather((status, out.getvalue(), error.getvalue()))
+    return None if answers is None else (*zip(*answers, strict=True), swept())
+
+
+def swept():
+    """Files beside the scene and in the folder above, which are then removed."""
+    found = [path for path in Path("..").rglob("*") if path.name not in (SCENE.name, Path.cwd().name)]
+    for path in found:
+        path.unlink() if path.is_file() else None
+    return sorted(map(str, found))
+
+
+def accepted(sim):
+    raise WatchdogError("accepted")  # ends the run on all ranks
+
+
+def main():
+    Simulation.start = accepted
+    registry.available = cache(registry.available)  # the slowest part of reading a scene
+    folder = Path("work")
+    folder.mkdir(exist_ok=True)
+    os.chdir(folder)
+    found = []
+    for name, scene in shipped().items():
+        for what, text in damages(scene, int(sys.argv[2])):
+            found.append((f"{name}: {what}", answer(text)))
+    if COMM.rank == 0:
+        Path("..", sys.argv[1]).write_text(json.dumps([(what, *given) for what, given in found]))
+
+
+if __name__ == "__main__":
+    main()
