@@ -80,9 +80,9 @@ class PointState(Standard):
         halo.update(p, "flux")
         force[:] = 0.0
         _add_force(
-            pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.share, self.closest, p.flux, links.stress, force,
-            p.dim,
-        )
+            pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.share, self.closest, p.flux, links.stress,
+            force, p.dim,
+        )  # fmt: skip
 
 
 @inlined
