@@ -1,16 +1,22 @@
 """periporo: extreme deformation of soils by updated-Lagrangian periporomechanics."""
 
-__all__ = ["Simulation", "open_results"]
+from importlib import import_module
+
+_OFFERED = {
+    "Simulation": "periporo.core.simulation",
+    "run": "periporo.core.run",
+    "open_results": "periporo.io.results",
+    "InputError": "periporo.io.input_errors",
+}
+__all__ = ["InputError", "Simulation", "open_results", "run"]
 
 
 def __getattr__(name):
     """Load what the package offers only when it is asked for: importing periporo itself costs nothing."""
-    if name == "open_results":
-        from periporo.io.results import open_results
+    if name not in _OFFERED:
+        raise AttributeError(f"module 'periporo' has no attribute '{name}'")
+    return getattr(import_module(_OFFERED[name]), name)
 
-        return open_results
-    if name == "Simulation":
-        from periporo.core.simulation import Simulation
 
-        return Simulation
-    raise AttributeError(f"module 'periporo' has no attribute '{name}'")
+def __dir__():
+    return sorted({*globals(), *__all__})

@@ -9,9 +9,12 @@ from periporo.io.drawing import STYLE
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 
-SCHEMES = ("standard", "bond_projected", "sub_horizon")
+SCHEMES = ("standard", "bond_projected", "point_state", "sub_horizon")
 PUBLISHED = "sub_horizon_published"
-COLOURS = {"standard": "0.65", "bond_projected": "#1b5e8c", "sub_horizon": "#d1761f", PUBLISHED: "#b03a3a"}
+COLOURS = {
+    "standard": "0.65", "bond_projected": "#1b5e8c", "point_state": "#3d8b4f", "sub_horizon": "#d1761f",
+    PUBLISHED: "#b03a3a",
+}  # fmt: skip
 PUSH = 0.5e-3  # m, of figures 6 to 11
 KPA = 1e-3
 
@@ -61,7 +64,7 @@ def _blocks(chosen, path):
     """Figures 6 and 7, or 9 and 10: schemes by rows, horizons by columns."""
     horizons = sorted({c.horizon for c in chosen})
     figure, grid = plt.subplots(
-        3, len(horizons), figsize=(4.6 * len(horizons) + 1, 5.2), layout="constrained", squeeze=False
+        len(SCHEMES), len(horizons), figsize=(4.6 * len(horizons) + 1, 6.8), layout="constrained", squeeze=False
     )
     for case, measured in chosen.items():
         ax = grid[SCHEMES.index(case.scheme), horizons.index(case.horizon)]

@@ -66,6 +66,12 @@ class Block(Rows):
         self.total: np.ndarray | None = None  # stress with that of pore water, if there is any
         self.held_moduli = None  # what `elastic_moduli` answers while stress and state are only a trial
         self.strain_increment = np.empty((0, components))
+        # of the strains in a step since `forget_peak`: square of the largest, and its row; its ids after a rebuild
+        self.peak, self.peak_ids = np.array([0.0, -1.0]), np.full(2, -1)
+
+    def forget_peak(self) -> None:
+        """Start to look for the largest strain anew."""
+        self.peak[:], self.peak_ids = (0.0, -1.0), np.full(2, -1)
 
     @property
     def total_stress(self) -> np.ndarray:
@@ -118,6 +124,8 @@ class Bonds:
 
     def collect(self, comm, particles: Particles, owner: np.ndarray) -> None:
         """Set the active rows' state aside for a rebuild, sharing it with the points' new owners."""
+        for block in self.blocks:
+            block.peak_ids, block.peak[1] = self.peak_ends(block), -1.0
         for rows in self.carriers:
             alive = np.flatnonzero(rows.active)
             ids, place = rows.layout.keys(rows, self.pairs)
@@ -164,6 +172,13 @@ class Bonds:
         holders = [self.layout.holders(b, self.pairs) for b in self.blocks]
         first, second = (np.concatenate([h[end][h[0]] for h in holders]) for end in (1, 2))
         self.incidence_start, self.incidence = _incidence(first, second, particles.total)
+
+    def peak_ends(self, block) -> np.ndarray:
+        """Ids (2,) of the ends of the row that had the largest strain, -1 if there was none."""
+        if block.peak[1] < 0.0:
+            return block.peak_ids
+        ids, place = self.layout.keys(block, self.pairs)
+        return ids[place[int(block.peak[1])]]
 
     def average(self, particles: Particles, points: np.ndarray) -> None:
         """Average stress and state of the active rows of each owned point in `points` (rows), per block.

@@ -12,6 +12,9 @@ TOOLS = {  # word -> module with add_arguments and run, and what it does
     "compare": ("periporo.io.compare", "compare two result files"),
     "export": ("periporo.io.export", "export a result file to VTU and CSV"),
     "report": ("periporo.io.report", "make one HTML page of a result file"),
+    "new": ("periporo.io.examples", "list the example scenes, or write one to begin with"),
+    "schema": ("periporo.io.reference", "print the JSON Schema of scenes for editors, or the input reference"),
+    "materials": ("periporo.io.material_list", "list the installed materials with parameters, units and bounds"),
     "drive": ("periporo.materials.driver", "run one material point along a path"),
 }
 INPUT_ERROR, RUN_ERROR = 2, 3
@@ -63,7 +66,12 @@ def _use_tool(arguments) -> int:
     from periporo.io.writer import OutputError
 
     try:
-        return importlib.import_module(arguments.module).run(arguments)
+        status = importlib.import_module(arguments.module).run(arguments)
+        sys.stdout.flush()
+        return status
+    except BrokenPipeError:  # whoever reads the output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except (ResultError, OutputError, ImportError, OSError) as error:
         print(f"periporo {arguments.word}: {error}", file=sys.stderr)
         return INPUT_ERROR
@@ -74,7 +82,7 @@ def _simulate(arguments) -> int:
     from mpi4py import MPI
 
     from periporo.core.relaxation import RelaxationError
-    from periporo.core.run import check_scene, run_scene
+    from periporo.core.run import check_scene, run
     from periporo.core.watchdog import WatchdogError
     from periporo.io.input_errors import InputError
     from periporo.io.writer import OutputError
@@ -83,7 +91,11 @@ def _simulate(arguments) -> int:
     try:
         if arguments.word == "check":
             return check_scene(arguments.config, comm)
-        return run_scene(arguments, comm)
+        run(
+            arguments.config, comm=comm, resume=arguments.resume, overwrite=arguments.overwrite,
+            walltime=arguments.walltime, pictures=not arguments.no_plot, quiet=arguments.quiet,
+        )  # fmt: skip
+        return 0
     except (InputError, OutputError, RelaxationError, WatchdogError) as error:  # the same on all ranks
         if comm.rank == 0:
             print(f"periporo: {error}", file=sys.stderr, flush=True)

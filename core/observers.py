@@ -143,6 +143,8 @@ class ProgressObserver(Observer):
     def __init__(self, progress, history: HistoryObserver):
         self.progress = progress
         self.history = history
+        self._imbalance: dict[str, float] = {}
+        self._measured = None  # rebuild at which the imbalance was measured
 
     def start_stage(self, sim, stage) -> None:
         """Announce the stage."""
@@ -154,11 +156,35 @@ class ProgressObserver(Observer):
     def after_step(self, sim) -> None:
         """Show the state."""
         latest = self.history.latest
+        if sim.comm.size > 1 and sim.rebuild_count != self._measured:
+            self._measured, self._imbalance = sim.rebuild_count, {"imbalance": _imbalance(sim)}
         self.progress.update(
             sim.time, sim.dt, sim.step_number, kinetic_energy=latest["kinetic_energy"],
-            internal_energy=latest["internal_energy"], max_speed=latest["max_speed"], rebuilds=sim.rebuild_count,
+            internal_energy=latest["internal_energy"], energy_residual=latest["energy_residual"],
+            max_speed=latest["max_speed"], rebuilds=sim.rebuild_count, **self._imbalance,
         )  # fmt: skip
 
     def finish_stage(self, sim, stage, summary) -> None:
         """Say how it ended."""
         self.progress.finish_stage(summary)
+
+
+class Callback(Observer):
+    """Calls `function(simulation)` on every rank after every `interval`-th step."""
+
+    def __init__(self, interval: int, function):
+        if isinstance(interval, bool) or not isinstance(interval, int) or interval < 1:
+            raise ValueError(f"a callback comes every 1, 2, 3 ... steps, not {interval!r}; give (steps, function)")
+        self.interval = interval
+        self.function = function
+
+    def after_step(self, sim) -> None:
+        """Call it if it is time."""
+        if sim.step_number % self.interval == 0:
+            self.function(sim)
+
+
+def _imbalance(sim) -> float:
+    """Pairs of the rank that has most, over the mean of all ranks."""
+    pairs = float(len(sim.bonds.pairs.first))
+    return maximum(sim.comm, pairs) * sim.comm.size / sim.comm.allreduce(pairs)

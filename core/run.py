@@ -2,92 +2,99 @@
 
 import platform
 import time
+from contextlib import closing
 from importlib import metadata
 from pathlib import Path
 
-import numba
+import llvmlite.binding
 import numpy as np
 import yaml
+from mpi4py import MPI
 
 from periporo.core import fields, jit
 from periporo.core.interrupt import Interrupted, Keeper, Signals
-from periporo.core.observers import HistoryObserver, ProgressObserver, ResultObserver
+from periporo.core.observers import Callback, HistoryObserver, ProgressObserver, ResultObserver
 from periporo.core.reductions import quantile
 from periporo.core.scene import build, vertical_axis
-from periporo.core.state import resume
+from periporo.core.scene_source import naming, read_everywhere
+from periporo.core.state import resume as resume_from
 from periporo.core.watchdog import Watchdog
 from periporo.io import checkpoint
 from periporo.io.input_errors import InputError, Problem
 from periporo.io.log import Progress
 from periporo.io.results import ResultError, open_results
-from periporo.io.schema import Checkpoint, load_scene
+from periporo.io.schema import Checkpoint
 from periporo.io.writer import OutputError, ResultWriter
 
 
-def load_everywhere(path, comm):
-    """The scene on every rank; rank 0 reads the file, and its InputError is raised on all ranks alike."""
-    scene, error = None, None
-    if comm.rank == 0:
-        try:
-            scene = load_scene(path)
-        except InputError as problem:
-            error = problem
-    scene, error = comm.bcast((scene, error))
-    if error is not None:
-        raise error
-    return scene
+def run(
+    source, file=None, *, comm=None, resume=False, overwrite=False, walltime=None, pictures=False, quiet=False,
+    callbacks=(),
+):  # fmt: skip
+    """Run a scene, or the rest of it, as the command line does: with results, checkpoints, watchdog and progress.
 
+    source: YAML file, dictionary or `SceneInput`. file: of the results; by default what the scene says, or the name of
+    its file with .h5. comm: the ranks, by default all. resume: go on from the newest checkpoint. overwrite: replace
+    an existing result file. walltime: s after which to write a checkpoint and stop. pictures: draw them at the end.
+    callbacks: pairs (n, function); function(simulation) is called on every rank after every n-th step.
 
-def run_scene(arguments, comm) -> int:
-    """Run the scene in the file `arguments.config`, or the rest of it; the exit status.
-
-    On all ranks alike raises InputError, OutputError, RelaxationError or WatchdogError.
+    Returns the path of the result file. On all ranks alike raises InputError, OutputError, RelaxationError or
+    WatchdogError.
     """
     began = time.monotonic()
-    scene = load_everywhere(arguments.config, comm)
-    target = Path(scene.output.file or f"{Path(arguments.config).stem}.h5")
-    with Progress(comm, enabled=not arguments.quiet) as progress, Signals() as signals:
-        if arguments.resume and everywhere(comm, _is_finished, target):
+    comm = MPI.COMM_WORLD if comm is None else comm
+    scene = read_everywhere(source, comm)
+    target = _target(scene, source, file)
+    with Progress(comm, enabled=not quiet) as progress, Signals() as signals:
+        if resume and everywhere(comm, _is_finished, target):
             progress.message(f"{target}: this run has finished; nothing to resume")
-            return 0
-        if not jit.CACHE_IS_WARM:
-            progress.message("compiling kernels (once, about half a minute)")
-        sim = build(scene, comm)
-        names = _output_names(scene, sim)
-        state, overwrite = None, arguments.overwrite
-        if arguments.resume:
-            state = _state_to_resume(scene, target, comm, progress.message)
-            overwrite = state is None
-        with _writer(scene, target, sim, names, overwrite, state) as writer:
+            return target
+        with naming(source):
+            sim = build(scene, comm)
+            names = _output_names(scene, sim)
+        state = _state_to_resume(scene, target, comm, progress.message) if resume else None
+        replace = overwrite or (resume and state is None)
+        with closing(sim.halo), _writer(scene, target, sim, names, replace, state) as writer:
             if state is None:
                 everywhere(comm, checkpoint.remove, target)  # they belong to a run that is gone
             history = HistoryObserver(writer, scene.output.history_interval, vertical_axis(scene))
             sim.observers += [history, ResultObserver(writer, names, scene.output.interval)]
-            sim.observers.append(ProgressObserver(progress, history))
+            sim.observers += [ProgressObserver(progress, history), *(Callback(*pair) for pair in callbacks)]
             watchdog = _watchdog(scene, target, writer, progress.message)
-            keeper = _keeper(scene, target, writer, arguments.walltime, signals, progress.message, began)
+            keeper = _keeper(scene, target, writer, walltime, signals, progress.message, began)
             sim.guards = [watchdog, keeper]  # in this order: no checkpoint of a state that is taken back
-            sim.start() if state is None else resume(sim, state)
+            if not jit.CACHE_IS_WARM:
+                progress.message("compiling kernels (once, about half a minute)")
+            sim.start() if state is None else resume_from(sim, state)
             progress.message(f"ready after {time.monotonic() - began:.1f} s")
             sim.timing.reset()
             sim.halo.reset_counters()
             try:
                 sim.run(resumed=state is not None)
             except Interrupted as reason:
-                sim.halo.close()
-                progress.message(f"{reason}\ngo on with: periporo {arguments.config} --resume")
-                return 0
-            sim.halo.close()
+                progress.message(f"{reason}\ngo on with: {_how_to_resume(source)}")
+                return target
             figures = {"wall_time_s": time.monotonic() - began, "timing": _timing(sim), "retries": watchdog.retries}
             writer.set_attributes({**figures, **_counters(sim), "finished": 1})
         everywhere(comm, checkpoint.remove, target)
         for line in _summary(sim, history, vertical_axis(scene)):
             progress.message(line)
         progress.message(f"results: {target}")
-        if not arguments.no_plot and comm.rank == 0:
+        if pictures and comm.rank == 0:
             for picture in _pictures(target):
                 progress.message(f"picture: {picture}")
-    return 0
+    return target
+
+
+def _target(scene, source, file) -> Path:
+    """The result file: as asked for, as the scene says, or named after the scene's file."""
+    if file is None and scene.output.file is None and not isinstance(source, str | Path):
+        raise ValueError("where should the results go? Give run(..., file='name.h5') or the scene's output.file")
+    return Path(file or scene.output.file or f"{Path(source).stem}.h5")
+
+
+def _how_to_resume(source) -> str:
+    return f"periporo {source} --resume" if isinstance(source, str | Path) else "run(..., resume=True)"
 
 
 def everywhere(comm, function, *arguments):
@@ -189,7 +196,7 @@ def _attributes(scene, comm):
         "versions": ", ".join(f"{k} {v}" for k, v in versions.items()),
         "python": platform.python_version(),
         "machine": platform.machine(),
-        "cpu": numba.core.config.CPU_NAME or "host",
+        "cpu": llvmlite.binding.get_host_cpu_name(),
         "ranks": comm.size,
     }
 
@@ -237,9 +244,10 @@ def _pictures(target):
 
 def check_scene(path, comm) -> int:
     """Build the scene and say what it will cost: points, bonds, memory, time step, steps, expected run time."""
-    scene = load_everywhere(path, comm)
-    sim = build(scene, comm)
-    _output_names(scene, sim)
+    scene = read_everywhere(path, comm)
+    with naming(path):
+        sim = build(scene, comm)
+        _output_names(scene, sim)
     sim.start()
     sim.step()  # the first one measures the stable time step
     began, trials = time.perf_counter(), 20

@@ -14,7 +14,7 @@ from periporo.core.geostatic import GeostaticStress, uniform_stress
 from periporo.core.particles import Particles
 from periporo.core.pore_water import PoreWater, retention_curve
 from periporo.core.scene_boundaries import build_boundary
-from periporo.core.scene_contacts import bonding_groups, build_contact, build_repulsion
+from periporo.core.scene_contacts import bonding_groups, build_contact, build_repulsion, is_present, refuse_penetration
 from periporo.core.simulation import Simulation
 from periporo.core.stages import DynamicsStage, RelaxStage
 from periporo.core.timestep import StableTimeStep
@@ -60,6 +60,7 @@ def build(scene, comm) -> Simulation:
     repulsion.attach(particles, sim.forces)
     lattices = geometry.build_lattices(scene)
     _place_points(scene, comm, particles, materials, water, lattices)
+    refuse_penetration(scene, contacts, particles, comm)
     if scene.initial_stress is not None:
         sim.bonds.initial_stress = _initial_stress(scene, materials, water, lattices)
         sim.bonds.initial_stress_is_total = water is not None and scene.initial_stress.type == "geostatic"
@@ -148,7 +149,7 @@ def _stage(scene, sim, stage, contacts, lattices):
     for name in stage.boundaries:
         boundary = build_boundary(scene, name, lattices, moving=stage.type == "dynamics")
         (loads if isinstance(boundary, Traction) else motions).append(boundary)
-    present = [c for model, c in contacts if model.stages is None or stage.name in model.stages]
+    present = [c for model, c in contacts if is_present(model, stage)]
     if stage.type == "relax":
         return RelaxStage(stage.name, motions, present, loads, stage.tolerance, stage.max_steps)
     if stage.damping.viscous > 0.0:

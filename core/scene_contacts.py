@@ -12,6 +12,9 @@ from periporo.contact.short_range_published import ShortRangePublished
 from periporo.core.correspondence.influence import influence
 from periporo.io.input_errors import InputError, Problem
 
+_TOUCH = 0.01  # spacings by which cells and obstacles may overlap when motion begins
+_PUSHED_OUT = 0.6  # the same when relaxation begins
+
 
 def build_contact(scene, model, number: int, sim):
     """The contact that entry `number` of the scene's contacts describes."""
@@ -35,6 +38,46 @@ def build_contact(scene, model, number: int, sim):
         return BodiesContact(str(number), names.index(model.first), names.index(model.second), sim=sim, **law)
     velocity = None if model.velocity is None else scene.vector(model.velocity)
     return RigidContact(str(number), _surface(model), spacing=spacing, skin=sim.largest_skin, velocity=velocity, **law)
+
+
+def is_present(model, stage) -> bool:
+    """Whether the contact of an input model acts in a stage of the scene."""
+    return model.stages is None or stage.name in model.stages
+
+
+def refuse_penetration(scene, contacts, p, comm) -> None:
+    """Raise InputError, on all ranks alike, if a body reaches into an obstacle of the first stage.
+
+    contacts: pairs of input model and contact. A cell that overlaps an obstacle would be shot out of it. Relaxation
+    pushes out what overlaps by about half a cell; motion may begin with the overlap of the jitter only.
+    """
+    stage = scene.stages[0]
+    jitter = np.array([body.jitter for body in scene.bodies])
+    allowed = np.full(len(jitter), _PUSHED_OUT) if stage.type == "relax" else jitter + _TOUCH
+    problems = []
+    for number, (model, contact) in enumerate(contacts):
+        if not (isinstance(contact, RigidContact) and is_present(model, stage)):
+            continue
+        gap, _ = contact.surface.gap(p.position[: p.owned])
+        excess = 0.5 - gap / scene.spacing - allowed[p.body[: p.owned]]
+        worst = int(np.argmax(excess)) if p.owned else -1
+        mine = (excess[worst], gap[worst], p.body[worst], p.position[worst].tolist()) if p.owned else (-np.inf,)
+        excess, *found = max(comm.allgather(mine))
+        if excess > 0.0:
+            problems.append(Problem(("contacts", number), _penetration(scene, model, stage, *found)))
+    if problems:
+        raise InputError("scene", problems)
+
+
+def _penetration(scene, model, stage, gap, body, place) -> str:
+    at = ", ".join(f"{x:.4g}" for x in place)
+    message = (
+        f"the body '{scene.bodies[body].name}' reaches {0.5 * scene.spacing - gap:.3g} m into this {model.type}: the "
+        f"point at ({at}) stands for a cell of {scene.spacing:g} m; move one of them apart"
+    )
+    if gap >= (0.5 - _PUSHED_OUT) * scene.spacing:
+        return f"{message}, or begin with a relax stage, which pushes the points out"
+    return f"{message}, or leave the contact out of '{stage.name}'"
 
 
 def build_repulsion(sim) -> Repulsion:

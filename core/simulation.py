@@ -1,12 +1,14 @@
 """The simulation: its parts, and the only time loop in the program."""
 
 import numpy as np
+from mpi4py import MPI
 
 from periporo.core import domain as decomposition
 from periporo.core.bonds import Bonds
 from periporo.core.energy import ForceChannels, Ledger
 from periporo.core.halo import Halo
 from periporo.core.integrator import drift, first_kick, second_kick
+from periporo.core.observers import Callback
 from periporo.core.particles import Particles
 from periporo.core.reductions import maximum
 from periporo.core.timing import Timing
@@ -50,6 +52,20 @@ class Simulation:
         self.rebuilt_at = 0  # step
         self._carry = 0.0  # of the compensated sum of time steps
         self._moved = 0.0
+
+    @classmethod
+    def from_scene(cls, scene, comm=None) -> "Simulation":
+        """The simulation of a scene: a YAML file, a dictionary or a `SceneInput`; on all ranks, or those of `comm`.
+
+        It runs in memory, without files, watchdog or progress, which `periporo.run` adds. Raises InputError.
+        """
+        from periporo.core.scene_source import simulation_of  # which builds on this module
+
+        return simulation_of(scene, MPI.COMM_WORLD if comm is None else comm)
+
+    def call_every(self, interval: int, function) -> None:
+        """Call `function(simulation)` on every rank after every `interval`-th step."""
+        self.observers.append(Callback(interval, function))
 
     @property
     def reach(self) -> float:
@@ -188,6 +204,8 @@ class Simulation:
 
     def run(self, resumed: bool = False) -> None:
         """Go through all stages; from the middle of one, if the state was put back from a checkpoint."""
+        if self.ledger is None:
+            self.start()
         for number in range(self.stage_number, len(self.stages)):
             self.stage_number = number
             self.stages[number].run(self, resumed)

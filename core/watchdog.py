@@ -64,6 +64,7 @@ class Watchdog:
         if sim.step_number % CHECK_INTERVAL != 0 and not careful:
             return
         fault = self._fault(sim)
+        _forget_peaks(sim)
         if fault is not None:
             self._take_back(sim, fault)
         elif sim.step_number % SNAPSHOT_INTERVAL == 0:
@@ -79,6 +80,7 @@ class Watchdog:
         self.message(f"step {sim.step_number}: sound again, going on with {sim.time_step.reduction:g} of the time step")
 
     def _keep(self, sim):
+        _forget_peaks(sim)
         self._fastest = wave_speeds(sim)
         self._kept = capture(sim)
 
@@ -130,6 +132,11 @@ class Watchdog:
         return find_fault(sim, kind, excess, self.materials, self._kept, size)
 
 
+def _forget_peaks(sim):
+    for block in sim.bonds.blocks:
+        block.forget_peak()
+
+
 def wave_speeds(sim) -> np.ndarray:
     """Largest speed of compression waves in each material at present, (materials,) m/s."""
     speeds = np.zeros(len(sim.materials))
@@ -143,12 +150,15 @@ def wave_speeds(sim) -> np.ndarray:
 
 
 def survey(sim, fastest) -> np.ndarray:
-    """Over all ranks: 1 if a point is NaN, largest speed over wave speed, largest strain of a bond in a step, (3,)."""
+    """Over all ranks: 1 if a point is NaN, largest speed over wave speed, largest strain of a bond in a step, (3,).
+
+    The strain is that of all steps since the last look.
+    """
     p = sim.particles
     seen = np.zeros(3)
     _survey_points(p.owned, p.position, p.velocity, p.material, 1.0 / fastest**2, seen, p.dim)
     for block in sim.bonds.blocks:
-        seen[2] = max(seen[2], _largest_strain(block.active, block.strain_increment))
+        seen[2] = max(seen[2], block.peak[0])
     seen[1:] = np.sqrt(seen[1:])
     sim.comm.Allreduce(MPI.IN_PLACE, seen, MPI.MAX)
     return seen
@@ -168,7 +178,7 @@ def speed_ratios(sim, fastest) -> np.ndarray:
 
 
 def strain_jumps(sim) -> np.ndarray:
-    """Per owned point: the largest strain of its bonds in the last step."""
+    """Per owned point: the strain of its bonds in the last step, and that of the largest since the last look."""
     p = sim.particles
     jump = np.zeros(p.total)
     for block in sim.bonds.blocks:
@@ -176,6 +186,8 @@ def strain_jumps(sim) -> np.ndarray:
         size = np.sqrt((block.strain_increment**2).sum(axis=1)) * block.active
         np.maximum.at(jump, first[index], size)
         np.maximum.at(jump, second[index], size)
+        ends = np.isin(p.id, sim.bonds.peak_ends(block))
+        jump[ends] = np.maximum(jump[ends], np.sqrt(block.peak[0]))
     return jump[: p.owned]
 
 
@@ -191,16 +203,3 @@ def _survey_points(owned, position, velocity, material, inverse_square, seen, di
             nan = 1.0
         largest = max(largest, square * inverse_square[material[i]])
     seen[0], seen[1] = nan, largest
-
-
-@kernel
-def _largest_strain(active, strain):
-    """Square of the largest norm."""
-    largest = 0.0
-    for r in range(strain.shape[0]):
-        square = 0.0
-        for c in range(strain.shape[1]):
-            square += strain[r, c] ** 2
-        if active[r] and square > largest:
-            largest = square
-    return largest

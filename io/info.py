@@ -6,7 +6,7 @@ import numpy as np
 
 from periporo.io.results import open_results
 
-_MOST_TEXT = 60
+_MOST_TEXT = 120
 
 
 def describe_results(results):
@@ -41,8 +41,8 @@ def describe_results(results):
 
 def short_attributes(results):
     """Attributes of the run as text, without the configuration, the timing and other long ones."""
-    texts = {name: str(value) for name, value in results.attributes.items()
-             if name not in ("configuration", "timing")}
+    short = {name: value for name, value in results.attributes.items() if name not in ("configuration", "timing")}
+    texts = {name: f"{value:.6g}" if isinstance(value, float) else str(value) for name, value in short.items()}
     return {name: text for name, text in texts.items() if len(text) <= _MOST_TEXT and "\n" not in text}
 
 

@@ -137,7 +137,7 @@ class Progress:
 
 def _figure(name, value):
     label = _NAMES.get(name, name.replace("_", " "))
-    shown = f"{value:,}" if isinstance(value, int) else f"{value:.3g}"
+    shown = f"{value:,}" if isinstance(value, int) else f"{value + 0.0:.3g}"  # + 0.0: no minus before zero
     return f"{label} {shown} {_UNITS.get(name, '')}".rstrip()
 
 

@@ -11,9 +11,11 @@ from periporo.io.results import ResultError, open_results
 LEDGER = {  # history name -> colour; the energies of a run, J
     "kinetic_energy": "#1f77b4", "internal_energy": "#d62728", "external_work": "#2b2b2b",
     "prescribed_work": "#8c8c8c", "contact_energy": "#9467bd", "friction_dissipation": "#ff7f0e",
-    "damping_dissipation": "#2ca02c",
+    "damping_dissipation": "#2ca02c", "plastic_dissipation": "#e377c2",
 }
 RESIDUAL = "energy_residual"
+INTEGRATION = "integration_term"  # the part of the residual that the finite time step explains
+_BALANCE = (*LEDGER, RESIDUAL, INTEGRATION)
 
 
 def plot_deposit(results, path, step=-1, field=None):
@@ -37,7 +39,7 @@ def plot_histories(results, path):
     matplotlib = require_matplotlib()
     from matplotlib.figure import Figure
 
-    names = [name for name in results.history_names if name not in ("step", "time", RESIDUAL, *LEDGER)]
+    names = [name for name in results.history_names if name not in ("step", "time", *_BALANCE)]
     if not names:
         raise ResultError(f"{results.path} holds no histories to draw")
     across, label = _abscissa(results)
@@ -58,6 +60,9 @@ def plot_histories(results, path):
 def plot_energy(results, path):
     """Picture of the energy ledger, with its residual as a share of the largest energy below.
 
+    Energies that are zero throughout are left out. Of the residual, the part that the finite time step explains
+    (`integration_term`) is drawn over it: a black line that shows is energy that nothing explains.
+
     Raises ResultError if the file holds no energies.
     """
     matplotlib = require_matplotlib()
@@ -72,13 +77,19 @@ def plot_energy(results, path):
         figure = Figure(figsize=(8.6, 5.6), layout="constrained")
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3.2, 1))
         for name, energy in ledger.items():
+            if not energy.any():
+                continue  # the scene has nothing that could do such work
             upper.plot(across, energy, color=LEDGER[name], label=name.replace("_", " "))
         upper.set_ylabel("energy [J]")
         upper.set_title("energy ledger", loc="left", color="0.2")
         upper.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
         scale = max(np.nanmax(np.abs(energy), initial=0.0) for energy in ledger.values())
         if RESIDUAL in results.history_names and scale > 0:
-            lower.plot(across, 100 * results.history(RESIDUAL) / scale, color="0.2")
+            lower.plot(across, 100 * results.history(RESIDUAL) / scale, color="0.2", label="residual")
+            if INTEGRATION in results.history_names:
+                term = 100 * results.history(INTEGRATION) / scale
+                lower.plot(across, term, color="#ff7f0e", linewidth=0.8, label="of the time step")
+                lower.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
         lower.set_ylabel("residual [%]\nof the largest")
         lower.set_xlabel(label)
         figure.savefig(path)
@@ -98,7 +109,7 @@ def plot_run(path, out=None, animate=False, *, field=None, step=-1):
         files = [folder / f"{path.stem}_deposit.png"]
         plot_deposit(results, files[0], step, field)
         names = set(results.history_names)
-        if names - {"step", "time", RESIDUAL, *LEDGER}:
+        if names - {"step", "time", *_BALANCE}:
             files.append(folder / f"{path.stem}_histories.png")
             plot_histories(results, files[-1])
         if names & set(LEDGER):

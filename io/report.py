@@ -2,14 +2,14 @@
 
 import base64
 import html
-import json
 import tempfile
 from pathlib import Path
 
 import numpy as np
+import yaml
 
 from periporo.io.info import short_attributes
-from periporo.io.plots import LEDGER, RESIDUAL, plot_run
+from periporo.io.plots import INTEGRATION, LEDGER, RESIDUAL, plot_run
 from periporo.io.results import open_results
 
 _TYPES = {".png": "image/png", ".gif": "image/gif", ".mp4": "video/mp4"}
@@ -47,7 +47,8 @@ def write_report(path, out=None, *, field=None, animate=False):
 
 def _summary(results):
     last = results.output(-1)
-    return (f"<h1>{html.escape(results.path.stem)}</h1>\n<p class='sub'>{results.dimension}D, "
+    title = results.configuration.get("title") or results.path.stem
+    return (f"<h1>{html.escape(title)}</h1>\n<p class='sub'>{html.escape(results.path.name)}: {results.dimension}D, "
             f"{results.point_counts[last]:,} points, {len(results)} outputs, "
             f"{results.times[0]:.4g} to {results.times[last]:.4g} s, {results.steps[last]:,} steps</p>")
 
@@ -69,7 +70,7 @@ def _table(heads, rows):
     """A table; numbers stand right."""
     def cell(tag, value):
         number = not isinstance(value, str)
-        text = f"{value:.6g}" if number else html.escape(value)
+        text = f"{value + 0.0:.6g}" if number else html.escape(value)  # + 0.0: no minus before zero
         return f"<{tag}{' class=n' if number else ''}>{text}</{tag}>"
 
     numeric = [not isinstance(value, str) for value in rows[0]]
@@ -90,20 +91,20 @@ def _figures(results, names):
 
 
 def _ledger(results):
-    names = [name for name in (*LEDGER, RESIDUAL) if name in results.history_names]
+    names = [name for name in (*LEDGER, RESIDUAL, INTEGRATION) if name in results.history_names]
     return _section("energy ledger in numbers", _figures(results, names)) if names else ""
 
 
 def _histories(results):
-    names = [name for name in results.history_names if name not in (*LEDGER, RESIDUAL)]
+    names = [name for name in results.history_names if name not in (*LEDGER, RESIDUAL, INTEGRATION)]
     return _section("histories in numbers", _figures(results, names)) if names else ""
 
 
 def _timing(results):
-    """Where the time went: the attribute `timing`, JSON text of seconds by part of the program."""
+    """Where the time went: the attribute `timing`, a YAML mapping of seconds by part of the program."""
     if "timing" not in results.attributes:
         return ""
-    parts = json.loads(results.attributes["timing"])
+    parts = yaml.safe_load(results.attributes["timing"])
     total = sum(parts.values())
     rows = [(name.replace("_", " "), seconds, round(100 * seconds / total, 1) if total else 0.0)
             for name, seconds in sorted(parts.items(), key=lambda part: -part[1])]

@@ -252,6 +252,12 @@ def _checked(data: Any, folder: Path, source: YamlSource | None) -> SceneInput:
     return scene
 
 
+def located(error: InputError, path: str | Path) -> InputError:
+    """The problems that were found in the scene of the YAML file `path`, with that name and its lines."""
+    source = read_yaml(path)
+    return InputError(source.name, [_with_line(problem, source) for problem in error.problems])
+
+
 def _with_line(problem: Problem, source: YamlSource | None) -> Problem:
     if source is None or problem.line is not None:
         return problem

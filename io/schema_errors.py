@@ -68,11 +68,12 @@ def model_problems(model: type[BaseModel], data: dict[str, Any]) -> list[Problem
     try:
         model.model_validate(data)
     except ValidationError as error:
-        return problems_of(error, _schema_of(model), data)
+        return problems_of(error, schema_of(model), data)
     return []
 
 
-def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
+def schema_of(model: type[BaseModel]) -> dict[str, Any]:
+    """JSON Schema of a pydantic class; its keys alone if it has types that JSON does not know."""
     try:
         return model.model_json_schema()
     except PydanticInvalidForJsonSchema:  # a plugin's own types; its keys are known all the same

@@ -50,6 +50,7 @@ CASES = (
     Case("V15", sliding.incline),
     Case("V15", sliding.sticking),
     Case("V15", sliding.stopping),
+    Case("V15", sliding.published_friction),
     Case("V20", footing.strip_footing),
     Case("V21", slopes.vertical_cut),
     Case("V21", slopes.sand_slope),

@@ -55,7 +55,9 @@ def solution_error(cells, jitter, scheme, **keys):
     inside = (np.abs(start - 0.5) < 0.5).all(axis=1)
     held = _Held(owned(sim, "id")[~inside].copy())
     tolerance = 1e-4 if cells < 40 else 3e-5
-    RelaxStage(name="equilibrium", prescribed_motions=[held], loads=[_BodyForce()], tolerance=tolerance).run(sim)
+    RelaxStage(
+        name="equilibrium", prescribed_motions=[held], loads=[_BodyForce()], tolerance=tolerance, max_steps=5000
+    ).run(sim)
     start = owned(sim, "initial_position")
     inside = (np.abs(start - 0.5) < 0.5).all(axis=1)
     exact = _exact(start)[inside]

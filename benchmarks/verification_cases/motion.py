@@ -124,6 +124,7 @@ def elastic_operator(sim):
 
 INFLUENCES, HORIZONS, JITTERS = ("cubic", "conical", "gaussian", "constant"), (2.0, 2.2, 3.0), (0.0, 0.2)
 ALL = [(i, m, j) for i in INFLUENCES for m in HORIZONS for j in JITTERS]
+SOME = [(i, 2.2, j) for i in INFLUENCES for j in JITTERS] + [("cubic", 2.0, 0.2), ("cubic", 3.0, 0.2)]
 
 
 def _off_the_grid(influence, horizon, jitter):
@@ -178,13 +179,16 @@ def _excited(sim, steps, interval):
             shadow = kinetic + strain_energy(sim) - sim.dt**2 / 8.0 * square.sum()
             growth = max(growth, kinetic / start - 1.0)
             drift = max(drift, abs(shadow / start - 1.0))
+            if not growth < 1e6:  # it will only be worse
+                break
     return growth, drift
 
 
 def stability(full=False, scheme="bond_projected"):
     """V3: free blocks with tiny random velocities; kinetic energy can never exceed its start if the step is stable."""
     steps = 100_000 if full else 2000
-    combinations = ALL if full else [("cubic", 2.2, 0.2), ("gaussian", 3.0, 0.0), ("constant", 2.0, 0.0)]
+    everything = ALL if scheme == "bond_projected" else SOME
+    combinations = everything if full else [("cubic", 2.2, 0.2), ("gaussian", 3.0, 0.0), ("constant", 2.0, 0.0)]
     results = [_excited(_free_block(scheme, *_off_the_grid(*c)), steps, steps // 200) for c in combinations]
     growth, drift = np.array(results).max(axis=0)
     return [

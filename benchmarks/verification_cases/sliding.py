@@ -72,3 +72,21 @@ def stopping(full=False, scheme="bond_projected"):
         Figure("stopping distance, relative error", abs(_travel(sim) / exact - 1.0), at_most=1e-3),
         Figure("mean speed at the end, / start", abs(owned(sim, "velocity")[:, 0].mean()) / speed, at_most=1e-3),
     ]
+
+
+def published_friction(full=False, scheme="bond_projected"):
+    """V15: the same throw on the published short-range contact, which is no friction: the block slides on."""
+    friction, speed, spacing = 0.3, 1.0, 0.01
+    figures = []
+    for share, bounds in ((0.1, {"at_least": 0.9}), (0.25, {"at_least": 0.85}), (1.0, {})):
+        substrate = {"lower": [-0.05, -1.05 * spacing], "upper": [0.45, -0.3 * spacing], "spacing": share}
+        sim = simulation(
+            spacing, box([0.0, 0.0], [0.08, 0.04]), scheme=scheme, gravity=[0.0, -GRAVITY],
+            contacts=[{"type": "short_range_published", "friction": friction, "substrate": substrate}],
+        )  # fmt: skip
+        sim.particles.velocity[:, 0] = speed
+        sim.start()
+        _advance(sim, 0.9 * speed / (friction * GRAVITY))
+        left = owned(sim, "velocity")[:, 0].mean() / speed
+        figures.append(Figure(f"speed left where Coulomb leaves 0.1, substrate spacing {share:g}", left, **bounds))
+    return figures

@@ -59,10 +59,10 @@ def load_lane(tile, rows, lane, r, gradient, stress, dim):
 
 
 @inlined
-def turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, dim):
+def turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, peak, dim):
     """Strain increment over `dt` of the `used` rows in a tile; their stress and tensor state turn to the end.
 
-    All lanes are worked on, in vectors, so that a row's bits do not depend on its lane.
+    All lanes are worked on, in vectors, so that a row's bits do not depend on its lane. `peak` is as in `Block`.
     """
     n = len(dim) * len(dim)
     symmetric = la.zero_symmetric(dim)
@@ -76,7 +76,13 @@ def turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, di
     for k in range(used):
         r = rows[k]
         la.store(stress, r, 0, la.from_lane(tile, n, k, symmetric))
-        la.store(strain_increment, r, 0, la.from_lane(tile, n + c, k, symmetric))
+        strain = la.from_lane(tile, n + c, k, symmetric)
+        la.store(strain_increment, r, 0, strain)
+        square = 0.0
+        for e in range(c):
+            square += strain[e] * strain[e]
+        if square > peak[0]:
+            peak[0], peak[1] = square, r
         for t in range(tensors.shape[0]):
             spin = la.from_lane(tile, n + 2 * c, k, la.zero_spin(dim))
             turned = rotated(la.symmetric_at(state, r, tensors[t], dim), rotation(spin, 1.0))
@@ -84,7 +90,7 @@ def turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, di
 
 
 @kernel
-def strain_rows(source, active, gradient, dt, stress, strain_increment, state, tensors, dim):
+def strain_rows(source, active, gradient, dt, stress, strain_increment, state, tensors, peak, dim):
     """Strain increment over `dt` of rows that have the velocity gradient in row source[r] of `gradient`.
 
     Stress and tensor state of active rows turn to the end of the step; inactive rows have no strain.
@@ -97,7 +103,7 @@ def strain_rows(source, active, gradient, dt, stress, strain_increment, state, t
         else:
             la.store(strain_increment, r, 0, la.zero_symmetric(dim))
         if used == LANES or r == active.shape[0] - 1:
-            turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, dim)
+            turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, peak, dim)
             used = 0
 
 

@@ -44,7 +44,7 @@ class Standard:
         for block in bonds.blocks:
             kinematics.strain_rows(
                 block.first, block.active, p.gradient, dt, block.stress, block.strain_increment, block.state,
-                block.tensor_columns, p.dim,
+                block.tensor_columns, block.peak, p.dim,
             )  # fmt: skip
 
     def internal_force(self, particles, bonds, halo, force: np.ndarray) -> None:

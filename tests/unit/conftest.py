@@ -21,7 +21,7 @@ def write_heap(path, *, dimension=2, outputs=3, histories=True, strain=True, con
     fields = {"velocity": (dimension, "m/s"), "stress": (4 if dimension == 2 else 6, "Pa")}
     fields |= {"equivalent_shear_strain": (1, "-")} if strain else {}
     scene = {"dimension": dimension, "spacing": spacing, "gravity": [0.0] * (dimension - 1) + [-9.81]}
-    attributes = {"version": "1.2", "timing": json.dumps({"bonds": 3.0, "output": 1.0})}
+    attributes = {"version": "1.2", "timing": "{bonds: 3.0, output: 1.0}\n"}
     attributes |= {"configuration": json.dumps(scene)} if configuration else {}
     units = {name: "J" for name in ENERGIES} | {"time": "s", "height": "m"}
     with ResultWriter(path, MPI.COMM_SELF, dimension=dimension, fields=fields, attributes=attributes,

@@ -36,7 +36,7 @@ def test_the_cases_of_the_publication_are_there_and_valid(study):
     cases = study.all_cases()
     assert len({c.name for c in cases}) == len(cases)
     plain = {(c.loading, c.scheme, c.horizon) for c in cases if c.counts == (200, 60) and c.influence == "constant"}
-    schemes = ("standard", "bond_projected", "sub_horizon", "sub_horizon_published")
+    schemes = ("standard", "bond_projected", "point_state", "sub_horizon", "sub_horizon_published")
     assert plain == {(loading, s, m) for loading in ("static", "dynamic") for s in schemes for m in (2.1, 3.1)}
     finer = [np.prod(c.counts) for c in cases if c.push == 1e-3]
     assert finer == pytest.approx([15_000, 30_000, 50_000], rel=5e-3)
@@ -45,19 +45,19 @@ def test_the_cases_of_the_publication_are_there_and_valid(study):
         lower, upper = np.array(scene.bodies[0].shape.lower), np.array(scene.bodies[0].shape.upper)
         assert (upper - lower) / case.spacing == pytest.approx(case.counts, rel=1e-12)
         assert (upper - lower)[0] - 5 * case.spacing == pytest.approx(0.975)
-        assert (upper - lower)[1] == pytest.approx(0.3, rel=0.01)
+        assert (upper - lower)[1] == pytest.approx(0.3, rel=0.07 if case.counts == study.QUICK else 0.01)
 
 
 def test_oscillations_are_gone_and_the_stress_is_right(study, measured):
     done, _ = measured
     lines, sound = study.table(done)
-    assert sound and len(lines) == 2 + len(done) == 10
+    assert sound and len(lines) == 2 + len(done) == 12
     for case, m in done.items():
         if case.scheme in study.STABLE:
             reference = study.oscillation(case, done[replace(case, scheme="standard")])
             assert study.oscillation(case, m) < min(reference / study.TIMES_LOWER, 0.2)
             middle = m.axial[24:36].mean()  # -E'/(1 m) x 0.5 mm / 0.975; waves add a few per cent
-            assert middle == pytest.approx(-40e6 * 0.5e-3 / 0.975, rel=0.01 if case.loading == "static" else 0.06)
+            assert middle == pytest.approx(-40e6 * 0.5e-3 / 0.975, rel=0.02 if case.loading == "static" else 0.06)
 
 
 def test_the_published_force_bursts_in_motion_and_oscillates_at_rest(study, measured):

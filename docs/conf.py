@@ -1,0 +1,15 @@
+"""The documentation as web pages: sphinx-build -W docs /tmp/pages."""
+
+from importlib import metadata
+
+project = "periporo"
+release = metadata.version("periporo")
+extensions = ["myst_parser"]
+source_suffix = {".md": "markdown"}
+exclude_patterns = ["figures/*.md"]  # tables that pages quote
+html_theme = "furo"
+html_static_path = ["_static"]
+html_css_files = ["wide.css"]
+html_title = f"periporo {release}"
+html_show_copyright = False
+myst_heading_anchors = 4  # headings can be linked to

@@ -1,0 +1,275 @@
+"""Every command and snippet in README.md and docs/*.md is tried, so that none can go stale.
+
+Fenced blocks are carried out in order, a folder for each page. Scenes are run at reduced size: spacing doubled where
+a body stays at least 8 points wide, stages of motion cut to 2 ms. Not carried out but checked are commands of the
+shell that install, batch systems, benchmarks and tests: packages' extras, scripts, their options and the tests'
+names must exist. Commands within a text are checked in the same way, or parsed if they are periporo's own. A comment
+`<!-- file: NAME -->` before a fence saves the block in the folder under this name.
+"""
+
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from functools import cache
+from pathlib import Path
+
+import pytest
+import yaml
+
+from periporo.core import cli
+from periporo.io.schema import SceneInput, load_scene, parse_scene
+from periporo.io.yaml_source import parse_yaml
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+FENCE = re.compile(
+    r"(?:^ *<!-- file: (?P<file>\S+) -->\n)?^(?P<indent> *)```(?P<language>[\w{}-]*)\n(?P<text>.*?)^ *```$", re.M | re.S
+)
+INLINE = re.compile(r"`((?:python|pytest|mpirun|periporo|pip|sphinx-build) [^`\n]+)`")
+NO_CODE = ("", "text", "{include}", "{toctree}")
+STEP = 2e-3  # s, of a stage at reduced size
+
+
+def identity(page):
+    return page.stem
+
+
+def blocks(page):
+    """(file to save it in or None, language, text) of each fenced block of a page."""
+    for match in FENCE.finditer(page.read_text()):
+        text = re.sub(rf"^{match['indent']}", "", match["text"], flags=re.M)
+        yield match["file"], match["language"], text
+
+
+def commands(text):
+    """The commands of a block of shell, without comments and with lines that are continued joined."""
+    for line in text.replace("\\\n", " ").splitlines():
+        words = shlex.split(line, comments=True)
+        if words:
+            yield line.split("  #")[0].strip(), words
+
+
+def reduce(path):
+    """Make a scene small enough for a test, keeping everything that is not size or duration."""
+    scene = yaml.safe_load(path.read_text())
+    if not isinstance(scene, dict) or "stages" not in scene:
+        return
+    full = load_scene(path)
+    sides = [
+        u - v for b in full.bodies if b.shape.type == "box" for u, v in zip(b.shape.upper, b.shape.lower, strict=True)
+    ]
+    if sides and min(sides) >= 16 * full.spacing:
+        scene["spacing"] = 2 * full.spacing
+    for stage in scene["stages"]:
+        if stage["type"] == "dynamics":
+            stage["duration"] = min(float(stage["duration"]), STEP)
+    scene["output"] = dict(scene.get("output", {})) | {"interval": STEP / 4}
+    path.write_text(yaml.safe_dump(scene, sort_keys=False))
+
+
+class Page:
+    """Carries out the blocks of a page in a folder."""
+
+    def __init__(self, folder, mpirun, install):
+        self.folder, self.mpirun, self.install = folder, mpirun, install
+        self.names, self.reduced = {"__name__": "snippet"}, set()
+
+    def carry_out(self, file, language, text):
+        """Save a block, or do what it says."""
+        if file:
+            (self.folder / file).write_text(text)
+        match language:
+            case "yaml":
+                self.yaml(file, text)
+            case "toml":
+                tomllib.loads(text)
+            case "python":
+                exec(compile(text, file or "<snippet>", "exec"), self.names)
+            case "sh":
+                for line, words in commands(text):
+                    self.shell(line, words)
+                    self.make_small()
+            case _:
+                raise AssertionError(f"a block in an unknown language, {language!r}: say what to do with it here")
+        self.make_small()
+
+    def make_small(self):
+        """Bring new scenes in the folder to a test's size."""
+        for scene in set(self.folder.glob("*.yaml")) - self.reduced:
+            reduce(scene)
+            self.reduced.add(scene)
+
+    def yaml(self, file, text):
+        """A scene is checked; part of one is put into a scene that lacks it; a law needs its keys."""
+        data = parse_yaml(text).data
+        if "dimension" in data:
+            parse_scene(data)
+        elif "model" not in data:
+            assert set(data) <= set(SceneInput.model_fields), data
+            if set(data) & {"checkpoint", "correspondence", "output", "monitor", "time_step"} == set(data):
+                parse_scene(SCENE | data)
+
+    def shell(self, line, words):
+        """One command; its environment is set for it alone."""
+        variables = {}
+        while "=" in words[0] and words[0].split("=")[0].isupper():
+            name, _, value = words.pop(0).partition("=")
+            variables[name] = value
+        words[0] = Path(words[0]).name
+        if words[0] == "mpirun" and words[3] == "periporo":
+            self.provide(words[4:])
+            done = self.mpirun(min(int(words[2]), 2), "-m", "periporo.core.cli", *words[4:], folder=self.folder)
+            assert done.returncode == 0, done.stderr
+        elif words[0] == "periporo":
+            self.periporo(line, words[1:])
+        elif words[0] == "sed":
+            subprocess.run(line, shell=True, check=True, cwd=self.folder)
+        elif words[0] == "pip" and "-e" in words:
+            self.install(self.folder)
+        else:
+            check(words)
+
+    def provide(self, words):
+        """Inputs that a page takes for granted: a small scene, a law, a path."""
+        for word in words if words[0] != "new" else ():
+            if word.endswith(".yaml") and not Path(word).exists():
+                Path(word).write_text(yaml.safe_dump(LAW if words[0] == "drive" else SCENE))
+            elif word.endswith(".csv") and not Path(word).exists():
+                Path(word).write_text("time_s,strain_yy\n0,0\n1,-0.01\n")
+
+    def periporo(self, line, words):
+        """In this process; a run that the page has made already is made anew."""
+        self.provide(words)
+        if words[0].endswith(".yaml") and Path(words[0]).with_suffix(".h5").exists() and "--resume" not in words:
+            words = [*words, "--overwrite"]
+        assert cli.main(words) == 0, line
+
+
+LAW = {"model": "elastic", "density": 1760, "bulk_modulus": 25e6, "shear_modulus": 15e6}
+SCENE = {
+    "dimension": 2, "spacing": 0.01, "gravity": [0, -9.81],
+    "materials": {"soil": LAW},
+    "bodies": [{"name": "b", "material": "soil", "shape": {"type": "box", "lower": [0, 0], "upper": [0.1, 0.05]}}],
+    "stages": [{"name": "fall", "type": "dynamics", "duration": 1e-3}],
+}  # fmt: skip
+
+
+def check(words):
+    """A command that is not carried out: what it names must exist."""
+    first = Path(words[0]).name
+    if first in ("source", "module", "export", "sbatch", "sphinx-build"):
+        return
+    assert first in CHECKS, f"an unknown command: {' '.join(words)}; say what to do with it here"
+    CHECKS[first](words)
+
+
+def check_python(words):
+    """A script of ours must exist and know the options; code must compile."""
+    if "-c" in words:
+        compile(words[words.index("-c") + 1], "<command>", "exec")
+        return
+    scripts = [word for word in words if word.endswith(".py")]
+    assert scripts or words[1:3] == ["-m", "venv"], f"nothing is known of: {' '.join(words)}"
+    for script in (s for s in scripts if "/" in s):  # one without a folder is the reader's own
+        known = help_of(ROOT / script)
+        for option in (w.split("=")[0] for w in words if w.startswith("--")):
+            assert option in known, f"{script} has no option {option}"
+
+
+def check_pip(words):
+    """Extras must be offered."""
+    offered = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    for extras in re.findall(r"\.\[([\w,]+)\]", " ".join(words)):
+        assert set(extras.split(",")) <= set(offered), words
+
+
+def check_pytest(words):
+    """Files must exist, and hold a test that -k chooses."""
+    chosen = words[words.index("-k") + 1] if "-k" in words else None
+    for file in (ROOT / word.split("::")[0] for word in words[1:] if word.startswith("tests")):
+        assert file.exists(), f"{file} does not exist"
+        if chosen and file.is_file():
+            assert re.search(rf"def test_\w*{chosen}|[\"']{chosen}", file.read_text()), f"no test: {words}"
+
+
+def check_launched(words):
+    """What srun or mpirun starts."""
+    program = next((k for k, word in enumerate(words) if word in ("periporo", "python")), None)
+    if program is not None:
+        check(words[program:])
+
+
+CHECKS = {"python": check_python, "pip": check_pip, "pytest": check_pytest, "mpirun": check_launched,
+          "srun": check_launched, "periporo": lambda words: parse_own(words[1:])}  # fmt: skip
+
+
+def parse_own(words):
+    """A command of periporo's own must be one that its parser takes; a word alone must be one of its words."""
+    if words[0].isupper() or (len(words) == 1 and words[0] in (*cli.TOOLS, "run", "check")):
+        return
+    words = words if words[0] in (*cli.TOOLS, "run", "check") else ["run", *words]
+    try:
+        cli._parser().parse_args([w for w in words if w != ">" and not w.endswith(".json")])
+    except SystemExit as stop:
+        raise AssertionError(f"periporo does not take: {' '.join(words)}") from stop
+
+
+@cache
+def help_of(script):
+    """What a script says of its options; scripts without options name none."""
+    if "argparse" not in script.read_text():
+        return ""
+    done = subprocess.run([sys.executable, str(script), "--help"], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture
+def install(tmp_path_factory, monkeypatch):
+    """The function that installs the package in a folder where this process and its children find it."""
+
+    def perform(folder):
+        target = tmp_path_factory.mktemp("site")
+        pip = [sys.executable, "-m", "pip", "install", "--no-deps", "--no-build-isolation", "--no-index", "--quiet"]
+        subprocess.run([*pip, "--target", str(target), str(folder)], check=True, timeout=120)
+        monkeypatch.syspath_prepend(str(target))
+
+    return perform
+
+
+@pytest.mark.parametrize("page", PAGES, ids=identity)
+def test_blocks(page, tmp_path, monkeypatch, mpirun, install):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    monkeypatch.setenv("MPIR_CVAR_CH4_PROGRESS_THROTTLE", "1")  # the machine may be busy with other things
+    place = Page(tmp_path, mpirun, install)
+    for file, language, text in blocks(page):
+        if language not in NO_CODE:
+            place.carry_out(file, language, text)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=identity)
+def test_commands_within_the_text(page):
+    text = FENCE.sub("", page.read_text())
+    for command in [*INLINE.findall(text), *re.findall(r"^ {4}\$ (.+)$", text, re.M)]:
+        words = shlex.split(command)
+        check([w for w in words if w not in ("N", "...")])
+
+
+@pytest.mark.parametrize("page", PAGES, ids=identity)
+def test_files_that_a_page_names_exist(page):
+    """Paths of the source in code marks, and targets of links."""
+    text = FENCE.sub("", page.read_text())
+    for path in re.findall(r"`((?:core|io|materials|contact|benchmarks|tests|configs|docs)/[\w/.-]+)`", text):
+        assert (ROOT / path).exists() or list(ROOT.glob(f"{path}*")), f"{path} does not exist"
+    for target in re.findall(r"\]\(([^)#\s]+)", text):
+        assert (page.parent / target).exists(), f"the link to {target} leads nowhere"
+
+
+def test_fences_without_a_language_hold_no_commands():
+    for page in PAGES:
+        for _, language, text in blocks(page):
+            if language == "":
+                assert not re.search(r"^(periporo|python|pip|pytest|mpirun) ", text, re.M), f"{page.name}: {text}"

@@ -1,0 +1,23 @@
+"""What a run on several ranks says: one display with the imbalance, one refusal."""
+
+import yaml
+
+
+def test_plain_lines_show_energies_speed_rebuilds_and_imbalance(mpirun, scene_of, tmp_path):
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene_of(counts=(30, 8))))
+    done = mpirun(2, "-m", "periporo.core.cli", "scene.yaml", "--no-plot", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    lines = [line for line in done.stdout.splitlines() if line.startswith("fall  ")]
+    assert len(lines) >= 1
+    for words in ("t = ", "step 1", "dt ", "kinetic ", "internal ", "residual ", "max speed ", "rebuilds 1"):
+        assert words in lines[0]
+    assert 1.0 <= float(lines[0].split("imbalance ")[1].split()[0]) < 1.3
+    assert done.stdout.count("energy ledger") == 1
+
+
+def test_a_refusal_while_building_comes_once_with_the_line(mpirun, scene_of, tmp_path):
+    plane = {"type": "plane", "point": [0, 0.004], "normal": [0, 1], "friction": 0.5}
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene_of(contacts=[plane])))
+    done = mpirun(3, "-m", "periporo.core.cli", "scene.yaml", folder=tmp_path)
+    assert done.returncode == 2 and done.stdout == ""
+    assert done.stderr.count("reaches 0.004 m into this plane") == 1 and "scene.yaml: 1 problem\n  line" in done.stderr

@@ -1,0 +1,112 @@
+"""The package from Python: imports without side effects, scenes from dictionaries, callbacks, results as arrays."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import periporo
+from periporo.core.watchdog import WatchdogError
+
+
+def test_importing_periporo_imports_nothing_else_and_touches_no_file(tmp_path):
+    probe = (
+        "import sys, os; import periporo\n"
+        "loaded = {m.split('.')[0] for m in sys.modules}\n"
+        "heavy = {'numpy', 'numba', 'mpi4py', 'h5py', 'pydantic', 'yaml', 'rich'} & loaded\n"
+        "assert not heavy, heavy\n"
+        "assert not os.path.exists(os.environ['PERIPORO_CACHE'])\n"
+        "assert set(periporo.__all__) <= set(dir(periporo))\n"
+        "from periporo import InputError, Simulation, open_results, run\n"
+    )
+    environment = {"PERIPORO_CACHE": str(tmp_path / "cache"), "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", probe], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_what_does_not_exist_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="simulate"):
+        _ = periporo.simulate
+
+
+def test_a_scene_from_a_dictionary_moves_in_memory_and_calls_back(scene_of, tmp_path, monkeypatch):
+    """Free fall for 1 ms: the mean velocity is g t."""
+    monkeypatch.chdir(tmp_path)
+    scene = scene_of(contacts=[])
+    scene["bodies"][0]["shape"]["lower"] = np.array(scene["bodies"][0]["shape"]["lower"])
+    sim = periporo.Simulation.from_scene(scene)
+    seen = []
+    sim.call_every(3, lambda s: seen.append((s.step_number, s.time)))
+    sim.run()
+    steps = [step for step, _ in seen]
+    assert len(steps) > 3 and steps == list(range(3, steps[-1] + 1, 3)) and sim.step_number - steps[-1] < 3
+    velocity = sim.particles.velocity[: sim.particles.owned]
+    np.testing.assert_allclose(velocity, np.tile([0.0, -9.81 * sim.time], (80, 1)), rtol=1e-9, atol=1e-12)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_run_writes_results_and_calls_back(scene_of, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    kinetic = {}
+    path = periporo.run(
+        scene_of(output={"history_interval": 5}), "fall.h5", quiet=True,
+        callbacks=[(5, lambda sim: kinetic.update({sim.step_number: sim.ledger.kinetic()}))],
+    )  # fmt: skip
+    assert str(path) == "fall.h5" and capsys.readouterr().out == ""
+    with periporo.open_results(path) as results:
+        recorded = dict(zip(results.history("step"), results.history("kinetic_energy"), strict=True))
+    assert kinetic and all(recorded[step] == value for step, value in kinetic.items())
+
+
+@pytest.mark.parametrize("interval", [0, -1, 2.5, True])
+def test_a_callback_needs_a_number_of_steps(scene_of, interval):
+    sim = periporo.Simulation.from_scene(scene_of())
+    with pytest.raises(ValueError, match="every 1, 2, 3"):
+        sim.call_every(interval, print)
+
+
+def test_run_says_what_it_needs(scene_of, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ValueError, match="file='name.h5'"):
+        periporo.run(scene_of())
+    with pytest.raises(periporo.InputError, match="did you mean 'horizon'"):
+        periporo.run(scene_of(horizn=2.0), "a.h5")
+    with pytest.raises(periporo.InputError, match="no such file"):
+        periporo.run("nowhere.yaml")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupted_dictionary_goes_on(scene_of, tmp_path, monkeypatch, capsys):
+    """Stopped by the clock at once, then resumed to the bits of the run that was not stopped."""
+    monkeypatch.chdir(tmp_path)
+    periporo.run(scene_of(), "whole.h5", quiet=True)
+    periporo.run(scene_of(), "parts.h5", walltime=1e-3)
+    assert "go on with: run(..., resume=True)" in capsys.readouterr().out
+    periporo.run(scene_of(), "parts.h5", resume=True)
+    periporo.run(scene_of(), "parts.h5", resume=True)
+    assert "has finished" in capsys.readouterr().out
+    with periporo.open_results("whole.h5") as whole, periporo.open_results("parts.h5") as parts:
+        np.testing.assert_array_equal(whole.positions(), parts.positions())
+
+
+def test_a_run_has_the_watchdog(scene_of, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def break_it(sim):
+        sim.particles.velocity[0] = np.nan
+
+    with pytest.raises(WatchdogError, match="point 0 .* is not a number"):
+        periporo.run(scene_of(), "broken.h5", quiet=True, callbacks=[(3, break_it)])
+
+
+def test_results_as_xarray(scene_of, tmp_path, monkeypatch):
+    pytest.importorskip("xarray")
+    monkeypatch.chdir(tmp_path)
+    path = periporo.run(scene_of(), "fall.h5", quiet=True)
+    with periporo.open_results(path) as results:
+        data = results.to_xarray()
+        np.testing.assert_array_equal(data["stress"].sel(component="yy").isel(time=-1), results.field("stress")[:, 1])
+        assert data["position"].attrs["units"] == "m" and data.sizes["id"] == 80
