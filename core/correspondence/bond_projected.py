@@ -81,13 +81,9 @@ class BondProjected:
         self._degenerate = degenerate
         for block in bonds.blocks:
             _strain_rows(
-<<<<<<< HEAD
                 block.pair, block.active, pairs.first, pairs.second, p.position, p.velocity, p.gradient, self.closest,
-                dt, block.stress, block.strain_increment, block.state, block.tensor_columns, self.taken, p.dim,
-=======
-                block.pair, block.active, pairs.first, pairs.second, p.position, p.velocity, p.gradient, dt,
-                block.stress, block.strain_increment, block.state, block.tensor_columns, block.peak, self.taken, p.dim,
->>>>>>> dc0c97ee1e9ad23d4000c7067e95b9e99e303b09
+                dt, block.stress, block.strain_increment, block.state, block.tensor_columns, block.peak, self.taken,
+                p.dim,
             )  # fmt: skip
 
     def _exchange(self, p, bonds, halo):
@@ -125,12 +121,8 @@ class BondProjected:
 
 @kernel
 def _strain_rows(
-<<<<<<< HEAD
     pair, active, first, second, position, velocity, gradient, closest, dt, stress, strain_increment, state, tensors,
-=======
-    pair, active, first, second, position, velocity, gradient, dt, stress, strain_increment, state, tensors, peak,
->>>>>>> dc0c97ee1e9ad23d4000c7067e95b9e99e303b09
-    taken, dim,
+    peak, taken, dim,
 ):  # fmt: skip
     tile, rows, used = kinematics.new_tile(dim), np.zeros(LANES, np.int64), 0
     extra = kinematics.extra_quantity(dim)
@@ -144,13 +136,8 @@ def _strain_rows(
         else:
             la.store(strain_increment, r, 0, la.zero_symmetric(dim))
         if used == LANES or r == pair.shape[0] - 1:
-<<<<<<< HEAD
             _correct_tile(tile, extra, closest, taken, dim)
-            kinematics.turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, dim)
-=======
-            _correct_tile(tile, extra, taken, dim)
             kinematics.turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, peak, dim)
->>>>>>> dc0c97ee1e9ad23d4000c7067e95b9e99e303b09
             used = 0
 
 
