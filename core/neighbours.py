@@ -9,8 +9,9 @@ class Pairs:
     """Undirected pairs with at least one owned end, sorted by (lower id, higher id).
 
     `first`, `second` (n,) uint32 rows of the end with the lower and the higher id; `ids` (n, 2) int64;
-    `weight` (n,) influence w of the present configuration, 0 from the horizon on. Every loop over pairs adds
-    to both ends in this order, which is the same on every rank: sums do not depend on the decomposition.
+    `weight` (n,) influence w of the present configuration, 0 from the horizon on; `count` (total,) how many bonds
+    of each point are shorter than that. Every loop over pairs adds to both ends in this order, which is the same on
+    every rank: sums do not depend on the decomposition.
     """
 
     def __init__(self):
@@ -18,6 +19,7 @@ class Pairs:
         self.second = np.empty(0, np.uint32)
         self.ids = np.empty((0, 2), np.int64)
         self.weight = np.empty(0)
+        self.count = np.empty(0, np.int64)
 
     def find(self, particles, reach: float) -> None:
         """List every pair closer than `reach` m whose points may bond (same `group`)."""
@@ -26,7 +28,7 @@ class Pairs:
         self.first, self.second = find_pairs(p, np.arange(p.total), p.group, reach, capacity)
         found = len(self.first)
         self.ids = np.stack([p.id[self.first], p.id[self.second]], axis=1)
-        self.weight = np.zeros(found)
+        self.weight, self.count = np.zeros(found), np.zeros(p.total, np.int64)
 
 
 def find_pairs(particles, rows: np.ndarray, group: np.ndarray, reach: float, capacity: int = 1024) -> np.ndarray:

@@ -43,7 +43,7 @@ def standard_fields(dimension: int) -> tuple[Field, ...]:
         Field("shape_inverse", shape, "1/m^5", migrates=False),
         Field("gradient", matrix, "1/s", migrates=False),  # velocity gradient
         Field("flux", matrix, "Pa/m^5", migrates=False),  # Z K^-1 / V
-        Field("sums", 2 + shape + matrix, "", migrates=False),  # scratch of the geometry pass
+        Field("sums", 1 + shape + matrix, "", migrates=False),  # scratch of the geometry pass
     )
 
 

@@ -2,7 +2,7 @@
 
 The highest frequency of the whole scene comes from a few Lanczos iterations of the scheme's own elastic
 operator: that is exact but costs some steps. In between it is followed by a local estimate for every point,
-its bonds taken as springs, omega_i^2 = lambda_max(sum_b 2 c_b/|xi|^2 [mu I + (K + mu/3) n n]) / m_i, which tells
+its bonds taken as springs, omega_i^2 = lambda_max(sum_b 2 c_b/r_b^2 [mu I + (K + mu/3) n n]) / m_i, which tells
 at once when points come close or stiffen. Its ratio to the exact value is measured again when it has changed,
 and every few hundred steps, since a point in a nearly degenerate neighbourhood is stiffer than its springs.
 """

@@ -3,7 +3,7 @@
 A bond sees the mean of its two points' velocity gradients, corrected so that it maps the bond onto its own
 relative velocity (Behzadinasab, Trask & Bazilevs 2021):
 
-    K_i = sum w V_j xi (x) xi,  L_i = [sum w V_j (v_j - v_i) (x) xi] K_i^-1,  n = xi / |xi|^2,
+    K_i = sum w V_j xi (x) xi,  L_i = [sum w V_j (v_j - v_i) (x) xi] K_i^-1,  n = xi / max(|xi|, closest)^2,
     L = (L_i + L_j)/2,  L_ij = L + (v_j - v_i - L xi) (x) n.
 
 The force is the conjugate of the internal power sum c_ij sigma_ij : L_ij,
@@ -16,9 +16,10 @@ With `dilatation` = "points" a bond expands at the rate of its points alone, tr 
 correction is added, and in the products with xi sigma is replaced by s = sigma - tr(sigma)/d I. Bonds that each keep
 their own volume leave a body less freedom than plastic flow at constant volume needs; points leave enough.
 
-beta is 1 in a regular neighbourhood and falls to 0, with det K/(tr K/d)^d, where the neighbours do
-not span space any more: such a point flies freely. Momenta are conserved to rounding, the elastic operator is
-symmetric and positive semi-definite.
+beta is 1 in a regular neighbourhood and falls to 0, with its width, where the neighbours do not span space any
+more: such a point flies freely. Momenta are conserved to rounding, the elastic operator is symmetric and positive
+semi-definite. Points closer than `closest` are a lump, which no lattice has: there the correction counts less, or its
+stiffness, which grows like 1/|xi|^2, would set the time step of the whole scene.
 """
 
 import numpy as np
@@ -27,10 +28,18 @@ from periporo.core import algebra as la
 from periporo.core.algebra import LANES
 from periporo.core.correspondence import kinematics
 from periporo.core.correspondence.influence import influence_table, support
-from periporo.core.correspondence.moments import close_points, sum_moments
+from periporo.core.correspondence.moments import update_neighbourhoods
 from periporo.core.correspondence.springs import add_spring
 from periporo.core.jit import inlined, kernel
 from periporo.core.rows import BOTH, FIRST, SECOND, PairRows
+
+CLOSEST = 0.27  # of the horizon: with m = 2.2 what points that are a fifth of a spacing out of place keep, 0.6
+
+
+@inlined
+def direction(xi, closest):
+    """n = xi / max(|xi|, closest)^2."""
+    return la.scaled(xi, 1.0 / max(la.dot(xi, xi), closest * closest))
 
 
 @inlined
@@ -52,6 +61,7 @@ class BondProjected:
     def __init__(self, horizon: float, influence_name: str, dilatation: str = "bond"):
         """`horizon` m; `influence_name` one of `influence.NAMES`; `dilatation` of a bond: its own or its "points"."""
         self.horizon = support(influence_name, horizon)
+        self.closest = CLOSEST * horizon
         self.table = influence_table(influence_name)
         self.taken = 1.0 if dilatation == "points" else 0.0  # of the spherical part of a bond's correction
         self._degenerate = 0  # points without a regular neighbourhood in the last step
@@ -63,13 +73,7 @@ class BondProjected:
         which a material sees a step of `material_dt` s.
         """
         p, pairs = particles, bonds.pairs
-        crossed = sum_moments(
-            pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.volume, self.horizon, self.table,
-            p.sums, p.dim,
-        )  # fmt: skip
-        degenerate = close_points(
-            p.owned, dt, p.sums, p.dilation, p.share, p.shape_inverse, p.gradient, p.jacobian, p.dim
-        )
+        crossed, degenerate = update_neighbourhoods(p, pairs, self.horizon, self.table, dt)
         self._exchange(p, bonds, halo)
         degenerate += int((p.share[p.owned :, 1] == 0.0).sum())
         if crossed or degenerate or self._degenerate:  # otherwise every row is as active as it was
@@ -77,8 +81,9 @@ class BondProjected:
         self._degenerate = degenerate
         for block in bonds.blocks:
             _strain_rows(
-                block.pair, block.active, pairs.first, pairs.second, p.position, p.velocity, p.gradient, dt,
-                block.stress, block.strain_increment, block.state, block.tensor_columns, block.peak, self.taken, p.dim,
+                block.pair, block.active, pairs.first, pairs.second, p.position, p.velocity, p.gradient, self.closest,
+                dt, block.stress, block.strain_increment, block.state, block.tensor_columns, block.peak, self.taken,
+                p.dim,
             )  # fmt: skip
 
     def _exchange(self, p, bonds, halo):
@@ -94,7 +99,7 @@ class BondProjected:
         for block in bonds.blocks:
             _sum_flux(
                 block.pair, block.side, block.active, pairs.first, pairs.second, pairs.weight, p.position, p.volume,
-                p.share, block.total_stress, p.flux, self.taken, p.dim,
+                p.share, block.total_stress, self.closest, p.flux, self.taken, p.dim,
             )  # fmt: skip
         _close_flux(p.owned, p.volume, p.shape_inverse, p.flux, p.dim)
         halo.update(p, "flux")
@@ -102,7 +107,7 @@ class BondProjected:
         for block in bonds.blocks:
             _add_force(
                 block.pair, block.side, block.active, pairs.first, pairs.second, pairs.weight, p.position, p.volume,
-                p.share, block.total_stress, p.flux, force, self.taken, p.dim,
+                p.share, block.total_stress, self.closest, p.flux, force, self.taken, p.dim,
             )  # fmt: skip
 
     def add_springs(self, particles, bonds, block, bulk, shear, springs) -> None:
@@ -110,14 +115,14 @@ class BondProjected:
         p, pairs = particles, bonds.pairs
         _sum_springs(
             block.pair, block.side, block.active, pairs.first, pairs.second, pairs.weight, p.position, p.volume,
-            p.share, bulk, shear, springs, p.dim,
+            p.share, self.closest, bulk, shear, springs, p.dim,
         )  # fmt: skip
 
 
 @kernel
 def _strain_rows(
-    pair, active, first, second, position, velocity, gradient, dt, stress, strain_increment, state, tensors, peak,
-    taken, dim,
+    pair, active, first, second, position, velocity, gradient, closest, dt, stress, strain_increment, state, tensors,
+    peak, taken, dim,
 ):  # fmt: skip
     tile, rows, used = kinematics.new_tile(dim), np.zeros(LANES, np.int64), 0
     extra = kinematics.extra_quantity(dim)
@@ -131,32 +136,32 @@ def _strain_rows(
         else:
             la.store(strain_increment, r, 0, la.zero_symmetric(dim))
         if used == LANES or r == pair.shape[0] - 1:
-            _correct_tile(tile, extra, taken, dim)
+            _correct_tile(tile, extra, closest, taken, dim)
             kinematics.turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, peak, dim)
             used = 0
 
 
 @inlined
-def _correct_tile(tile, extra, taken, dim):
-    """Mean gradients L become the bonds' own, L + (dv - L xi) (x) xi / |xi|^2, less `taken` of its spherical part."""
+def _correct_tile(tile, extra, closest, taken, dim):
+    """Mean gradients L become the bonds' own, L + (dv - L xi) (x) n, less `taken` of its spherical part."""
     for k in range(LANES):
         mean = la.from_lane(tile, 0, k, la.zero_matrix(dim))
         xi = la.from_lane(tile, extra, k, la.zero_vector(dim))
         dv = la.from_lane(tile, extra + len(dim), k, la.zero_vector(dim))
         residual = la.minus(dv, la.apply(mean, xi))
-        n = la.scaled(xi, 1.0 / la.dot(xi, xi))
+        n = direction(xi, closest)
         own = la.plus_dyad(mean, residual, n)
         la.to_lane(tile, 0, k, la.plus_spherical(own, -taken / len(dim) * la.dot(residual, n)))
 
 
 @inlined
-def _along(stress, xi, taken):
-    """Stress times xi, less `taken` of the stress's spherical part."""
-    return la.minus(la.apply_symmetric(stress, xi), la.scaled(xi, taken * la.mean_normal(stress, xi)))
+def _along(stress, x, taken):
+    """Stress times x, less `taken` of the stress's spherical part."""
+    return la.minus(la.apply_symmetric(stress, x), la.scaled(x, taken * la.mean_normal(stress, x)))
 
 
 @kernel
-def _sum_flux(pair, side, active, first, second, weight, position, volume, share, stress, flux, taken, dim):
+def _sum_flux(pair, side, active, first, second, weight, position, volume, share, stress, closest, flux, taken, dim):
     """Add (c/2)(sigma - (sigma xi) (x) n) of each row to Z of both ends."""
     for r in range(pair.shape[0]):
         if not active[r]:
@@ -167,7 +172,7 @@ def _sum_flux(pair, side, active, first, second, weight, position, volume, share
         s = la.symmetric_at(stress, r, 0, dim)
         half = 0.5 * row_volume(side[r], weight[b] * volume[i] * volume[j], share, i, j)
         z = la.full(s)
-        z = la.plus_dyad(z, _along(s, xi, taken), la.scaled(xi, -1.0 / la.dot(xi, xi)))
+        z = la.plus_dyad(z, _along(s, xi, taken), la.scaled(direction(xi, closest), -1.0))
         la.add(flux, i, 0, z, half)
         la.add(flux, j, 0, z, half)
 
@@ -181,7 +186,9 @@ def _close_flux(owned, volume, shape_inverse, flux, dim):
 
 
 @kernel
-def _add_force(pair, side, active, first, second, weight, position, volume, share, stress, flux, force, taken, dim):
+def _add_force(
+    pair, side, active, first, second, weight, position, volume, share, stress, closest, flux, force, taken, dim
+):
     """Add t_ij to both ends: the flux part once for each pair, the bond's own part for each active row."""
     for r in range(pair.shape[0]):
         b = pair[r]
@@ -191,9 +198,9 @@ def _add_force(pair, side, active, first, second, weight, position, volume, shar
         xi = la.difference(position, i, j, dim)
         wvv = weight[b] * volume[i] * volume[j]
         lead = 0.0 if side[r] == SECOND else 2.0 * wvv
-        own = row_volume(side[r], wvv, share, i, j) / la.dot(xi, xi) if active[r] else 0.0
+        own = row_volume(side[r], wvv, share, i, j) if active[r] else 0.0
         t = la.apply(la.mean_matrix(flux, i, j, dim), xi)
-        u = _along(la.symmetric_at(stress, r, 0, dim), xi, taken)
+        u = _along(la.symmetric_at(stress, r, 0, dim), direction(xi, closest), taken)
         for a in range(len(dim)):
             f = lead * t[a] + own * u[a]
             force[i, a] += f
@@ -202,7 +209,7 @@ def _add_force(pair, side, active, first, second, weight, position, volume, shar
 
 @kernel
 def _sum_springs(
-    pair, side, active, first, second, weight, position, volume, share, bulk, shear, springs, dim
+    pair, side, active, first, second, weight, position, volume, share, closest, bulk, shear, springs, dim
 ):
     for r in range(pair.shape[0]):
         if not active[r]:
@@ -211,5 +218,5 @@ def _sum_springs(
         i, j = first[b], second[b]
         xi = la.difference(position, i, j, dim)
         c = row_volume(side[r], weight[b] * volume[i] * volume[j], share, i, j)
-        add_spring(springs, i, c, xi, bulk[r], shear[r], dim)
-        add_spring(springs, j, c, xi, bulk[r], shear[r], dim)
+        add_spring(springs, i, c, xi, closest, bulk[r], shear[r], dim)
+        add_spring(springs, j, c, xi, closest, bulk[r], shear[r], dim)

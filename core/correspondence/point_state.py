@@ -3,7 +3,7 @@
 A point has one velocity gradient and one stress, as in `periporo.core.correspondence.standard`. What its gradient
 does not see of a bond's motion, the non-affine part along the bond, meets one elastic number for each pair:
 
-    L_i = [sum w V_j (v_j - v_i) (x) xi] K_i^-1,  L = (L_i + L_j)/2,  n = xi / |xi|^2,
+    L_i = [sum w V_j (v_j - v_i) (x) xi] K_i^-1,  L = (L_i + L_j)/2,  n = xi / max(|xi|, closest)^2,
     s = r (s + E n . (v_j - v_i - L xi) dt),  E = K + 4/3 mu of both ends in series,
     c = w V_i V_j beta_i beta_j (J_i/W_i + J_j/W_j).
 
@@ -26,7 +26,7 @@ positive semi-definite, momenta are conserved to rounding.
 import numpy as np
 
 from periporo.core import algebra as la
-from periporo.core.correspondence.bond_projected import row_volume
+from periporo.core.correspondence.bond_projected import CLOSEST, direction, row_volume
 from periporo.core.correspondence.standard import Standard
 from periporo.core.jit import inlined, kernel
 from periporo.core.rows import BOTH, PointRows
@@ -39,6 +39,11 @@ class PointState(Standard):
 
     name = "point_state"
     rows = PointRows(linked=True)
+
+    def __init__(self, horizon: float, influence_name: str):
+        """`horizon` m; `influence_name` one of `influence.NAMES`."""
+        super().__init__(horizon, influence_name)
+        self.closest = CLOSEST * horizon
 
     def deform(self, particles, bonds, halo, dt: float, material_dt: float) -> None:
         """Strain increment of every active row over the step that ends at the present positions.
@@ -65,7 +70,7 @@ class PointState(Standard):
         halo.update(p, "share", "gradient", "response")
         _strain_links(
             pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.volume, p.share, p.gradient, p.response,
-            self._dt, links.active, links.stress, p.sums, p.dim,
+            self.closest, self._dt, links.active, links.stress, p.sums, p.dim,
         )  # fmt: skip
         p.flux[:] = 0.0
         for block in bonds.blocks:
@@ -75,8 +80,9 @@ class PointState(Standard):
         halo.update(p, "flux")
         force[:] = 0.0
         _add_force(
-            pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.share, p.flux, links.stress, force, p.dim
-        )
+            pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.share, self.closest, p.flux, links.stress,
+            force, p.dim,
+        )  # fmt: skip
 
 
 @inlined
@@ -116,8 +122,9 @@ def _find_response(point, active, bulk, shear, turned, strain, stress, response,
 
 @kernel
 def _strain_links(
-    first, second, weight, position, velocity, volume, share, gradient, response, dt, active, stress, sums, dim
-):
+    first, second, weight, position, velocity, volume, share, gradient, response, closest, dt, active, stress, sums,
+    dim,
+):  # fmt: skip
     """New s of every pair; sum of -(c/2) s xi (x) n of both ends in `sums`."""
     for i in range(sums.shape[0]):
         la.store(sums, i, 0, la.zero_matrix(dim))
@@ -134,12 +141,12 @@ def _strain_links(
         residual = la.minus(dv, la.apply(mean, xi))
         residual = la.minus(residual, la.scaled(la.apply(mean, residual), -0.5 * dt))  # from the start of the step
         middle = la.minus(xi, la.scaled(dv, 0.5 * dt))  # to its middle
-        rate = la.dot(middle, residual) / la.dot(middle, middle)
+        rate = la.dot(direction(middle, closest), residual)
         e = 2.0 * response[i, 0] * response[j, 0] / (response[i, 0] + response[j, 0])
         s = min(response[i, 1], response[j, 1]) * (stress[b, 0] + e * dt * rate)
         stress[b, 0] = s
-        part = -0.5 * c * s / la.dot(xi, xi)
-        dyad = la.dyad(xi, xi)
+        part = -0.5 * c * s
+        dyad = la.dyad(xi, direction(xi, closest))
         la.add(sums, i, 0, dyad, part)
         la.add(sums, j, 0, dyad, part)
 
@@ -158,7 +165,7 @@ def _fill_flux(point, active, stress, volume, share, sums, shape_inverse, flux, 
 
 
 @kernel
-def _add_force(first, second, weight, position, volume, share, flux, stress, force, dim):
+def _add_force(first, second, weight, position, volume, share, closest, flux, stress, force, dim):
     """Add f_ij to both ends of each pair."""
     for b in range(first.shape[0]):
         if weight[b] == 0.0:
@@ -166,9 +173,10 @@ def _add_force(first, second, weight, position, volume, share, flux, stress, for
         i, j = first[b], second[b]
         xi = la.difference(position, i, j, dim)
         wvv = weight[b] * volume[i] * volume[j]
-        along = row_volume(BOTH, wvv, share, i, j) * stress[b, 0] / la.dot(xi, xi)
+        along = row_volume(BOTH, wvv, share, i, j) * stress[b, 0]
+        n = direction(xi, closest)
         t = la.apply(la.mean_matrix(flux, i, j, dim), xi)
         for a in range(len(dim)):
-            f = 2.0 * wvv * t[a] + along * xi[a]
+            f = 2.0 * wvv * t[a] + along * n[a]
             force[i, a] += f
             force[j, a] -= f

@@ -5,10 +5,13 @@ from periporo.core.jit import inlined
 
 
 @inlined
-def add_spring(springs, i, volume, xi, bulk, shear, dim):
-    """Add 2 c/|xi|^2 [mu I + (K + mu/3) n n] of a bond xi that stands for a volume c to the stiffness of point i."""
+def add_spring(springs, i, volume, xi, closest, bulk, shear, dim):
+    """Add 2 c/r^2 [mu I + (K + mu/3) n n] of a bond xi that stands for a volume c to the stiffness of point i.
+
+    n is the unit vector along the bond, r its length or at least `closest`.
+    """
     r2 = la.dot(xi, xi)
-    c = 2.0 * volume / r2
+    c = 2.0 * volume / max(r2, closest * closest)
     dyad = la.square(xi)
     for k in range(len(dyad)):
         value = c * (bulk + shear / 3.0) / r2 * dyad[k]

@@ -15,7 +15,7 @@ import numpy as np
 from periporo.core import algebra as la
 from periporo.core.correspondence import kinematics
 from periporo.core.correspondence.influence import influence_table, support
-from periporo.core.correspondence.moments import close_points, sum_moments
+from periporo.core.correspondence.moments import update_neighbourhoods
 from periporo.core.correspondence.springs import add_spring
 from periporo.core.jit import kernel
 from periporo.core.rows import PointRows
@@ -39,11 +39,7 @@ class Standard:
         state, for which a material sees a step of `material_dt` s.
         """
         p, pairs = particles, bonds.pairs
-        sum_moments(
-            pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.volume, self.horizon, self.table,
-            p.sums, p.dim,
-        )  # fmt: skip
-        close_points(p.owned, dt, p.sums, p.dilation, p.share, p.shape_inverse, p.gradient, p.jacobian, p.dim)
+        update_neighbourhoods(p, pairs, self.horizon, self.table, dt)
         bonds.admit_newborn(p, material_dt)
         for block in bonds.blocks:
             kinematics.strain_rows(
@@ -101,5 +97,5 @@ def _sum_springs(first, second, weight, position, volume, share, moduli, springs
         i, j = first[b], second[b]
         xi = la.difference(position, i, j, dim)
         c = 2.0 * weight[b] * volume[i] * volume[j]
-        add_spring(springs, i, c * share[i, 0], xi, moduli[i, 0], moduli[i, 1], dim)
-        add_spring(springs, j, c * share[j, 0], xi, moduli[j, 0], moduli[j, 1], dim)
+        add_spring(springs, i, c * share[i, 0], xi, 0.0, moduli[i, 0], moduli[i, 1], dim)
+        add_spring(springs, j, c * share[j, 0], xi, 0.0, moduli[j, 0], moduli[j, 1], dim)

@@ -20,13 +20,14 @@ import numpy as np
 from periporo.core import algebra as la
 from periporo.core.correspondence import kinematics
 from periporo.core.correspondence.influence import CLOSED, influence_table, support
-from periporo.core.correspondence.moments import close_points, integrity_of, inverse_and_regularity, sum_moments
+from periporo.core.correspondence.moments import update_neighbourhoods
 from periporo.core.correspondence.springs import add_spring
 from periporo.core.jit import inlined, kernel
 from periporo.core.pair_exchange import PairExchange
 from periporo.core.rows import DirectedRows
 
 _LANES = 8  # numbers in a vector of the processor
+_DEGENERATE, _REGULAR = 0.01, 0.1  # of det K / (tr K / d)^d of a sub-family
 _LEAST_SHARE = 0.1  # of a point's bonds: with less the point itself fades out
 
 
@@ -50,11 +51,7 @@ class SubHorizon:
         which a material sees a step of `material_dt` s.
         """
         p, pairs = particles, bonds.pairs
-        sum_moments(
-            pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.volume, self.horizon, self.table,
-            p.sums, p.dim,
-        )  # fmt: skip
-        close_points(p.owned, dt, p.sums, p.dilation, p.share, p.shape_inverse, p.gradient, p.jacobian, p.dim)
+        update_neighbourhoods(p, pairs, self.horizon, self.table, dt)
         for block in bonds.blocks:
             self._measure(p, pairs, block)
         self._combine_ends(p, bonds, halo)
@@ -176,6 +173,23 @@ def _widest(start):
     return _padded(widest)
 
 
+@inlined
+def _inverse_and_regularity(k):
+    """Inverse of a shape tensor, and det K / (tr K / d)^d: 1 if it is isotropic, 0 if it does not span space."""
+    d = 2 if len(k) == 3 else 3
+    inverse, determinant = la.inverse_shape(k)
+    mean = la.trace_shape(k) / d
+    return inverse, determinant / mean**d if mean > 0.0 else 0.0
+
+
+@inlined
+def _integrity_of(regularity):
+    """beta of a sub-family, which is narrow by nature: only its shape counts."""
+    if not regularity > _DEGENERATE:
+        return 0.0
+    return min((regularity - _DEGENERATE) / (_REGULAR - _DEGENERATE), 1.0) ** 2
+
+
 @kernel
 def _sum_sub_families(
     start, pair, second, weight, position, velocity, volume, share, horizon, shape_inverse, gradient, integrity,
@@ -210,8 +224,8 @@ def _sum_sub_families(
                 column[0, c] = sums[c, k]
             r = row[k]
             sub_family_volume[r] = column[0, 0]
-            inverse, regularity = inverse_and_regularity(la.shape_at(column, 0, 1, dim))
-            integrity[r] = integrity_of(regularity)
+            inverse, regularity = _inverse_and_regularity(la.shape_at(column, 0, 1, dim))
+            integrity[r] = _integrity_of(regularity)
             if integrity[r] > 0.0:
                 la.store(shape_inverse, r, 0, inverse)
                 la.store(gradient, r, 0, la.times_shape(la.matrix_at(column, 0, 1 + n_shape, dim), inverse))
@@ -283,4 +297,4 @@ def _sum_springs(first, second, active, fraction, position, volume, bulk, shear,
         if active[r]:
             i = first[r]
             xi = la.difference(position, i, second[r], dim)
-            add_spring(springs, i, 2.0 * fraction[r] * volume[i], xi, bulk[r], shear[r], dim)
+            add_spring(springs, i, 2.0 * fraction[r] * volume[i], xi, 0.0, bulk[r], shear[r], dim)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from periporo.core.correspondence.influence import support
-from periporo.core.correspondence.moments import DEGENERATE, REGULAR
+from periporo.core.correspondence.influence import NAMES, support
+from periporo.core.correspondence.moments import DEGENERATE, LOOSEST, REGULAR
 from periporo.core.tensors import to_matrix
 from periporo.io.input_errors import InputError
 from periporo.io.schema import parse_scene
@@ -210,18 +210,75 @@ def test_a_free_flying_point_lands_and_feels_stress_again(cloud, grid):
     assert sim.bonds.blocks[0].stress[:, 1].min() < -1e2
 
 
-@pytest.mark.parametrize("height", [0.02, 0.08, 0.12, 0.3])
-def test_integrity_falls_over_a_decade_of_the_shape_measure(cloud, height):
-    """Points almost on a line: det K/(tr K/2)^2 decides."""
+@pytest.mark.parametrize("height", [0.02, 0.3, 0.45, 0.9])
+def test_integrity_falls_with_the_width_of_the_neighbourhood(cloud, height):
+    """Points almost on a line: the harmonic mean of the eigenvalues of K/W over the horizon decides."""
     x = SPACING * np.arange(7)
     zigzag = SPACING * height * (np.arange(7) % 2)
     sim = cloud(np.stack([x, zigzag], axis=1), fixed=1e-6)
-    shape = dense(sim)[4]
-    measure = np.linalg.det(shape) / (np.trace(shape, axis1=1, axis2=2) / 2) ** 2
-    expected = np.clip((measure - DEGENERATE) / (REGULAR - DEGENERATE), 0.0, 1.0) ** 2
-    counts = (dense(sim)[1] > 0).sum(axis=1)
-    expected[counts < 3] = 0.0
+    _, w, _, weight, shape, _, _ = dense(sim)
+    width = 2.0 / (1.0 / np.linalg.eigvalsh(shape)).sum(axis=1) / weight
+    wide = (width / sim.scheme.horizon**2 - DEGENERATE) / (REGULAR - DEGENERATE)
+    expected = np.clip(wide, 0.0, 1.0) ** 2
+    expected[(w > 0).sum(axis=1) < 3] = 0.0
     assert sim.particles.share[:, 1] == pytest.approx(expected, abs=1e-10)
+    assert height != 0.3 or ((expected > 0.0) & (expected < 1.0)).any()
+
+
+def test_lumps_smaller_than_the_horizon_are_degenerate(cloud, grid):
+    """Four points of a regular shape carry stress at a spacing of one, none at a quarter of it."""
+    for size, beta in ((1.0, 1.0), (0.25, 0.0)):
+        sim = cloud(size * grid(2, 2, spacing=SPACING), fixed=1e-6)
+        assert sim.particles.share[:, 1] == pytest.approx(beta)
+
+
+@pytest.mark.parametrize("influence", NAMES)
+@pytest.mark.parametrize("counts", [(6, 5), (5, 4, 4)])
+@pytest.mark.parametrize("horizon", [2.0, 2.2, 3.0])
+def test_every_point_of_a_lattice_is_regular(cloud, grid, influence, counts, horizon):
+    """Corners and edges, too, also when the points are a little out of place."""
+    if (influence, horizon) == ("cubic", 2.0):
+        pytest.skip("corners have three bonds only")
+    sim = cloud(grid(*counts, spacing=SPACING, jitter=0.1), influence=influence, horizon=horizon, fixed=1e-6)
+    assert (sim.particles.share[:, 1] == 1.0).all()
+
+
+def test_close_pairs_see_less_of_their_own_velocity(cloud, grid):
+    """n = xi/closest^2 below `closest`: strain and its conjugate force, against a pair written out."""
+    position = grid(6, 5, spacing=SPACING)
+    position[14] = position[13] + SPACING * np.array([0.35, 0.1])
+    sim = cloud(position, fixed=1e-6)
+    p, dt = sim.particles, 1e-14
+    p.velocity[:] = np.random.default_rng(3).normal(size=p.velocity.shape)
+    block = sim.bonds.blocks[0]
+    block.stress[:] = 1e4 * np.random.default_rng(5).normal(size=block.stress.shape)
+    stress = block.stress.copy()
+    power = -(forces(sim) * p.velocity).sum()
+    sim.scheme.deform(p, sim.bonds, sim.halo, dt, np.inf)
+    found = sum(
+        c * (to_matrix(stress[r : r + 1])[0] * to_matrix(block.strain_increment[r : r + 1])[0]).sum() / dt
+        for _, r, _, _, c in rows_of(sim)
+    )
+    assert found == pytest.approx(power, rel=1e-9)
+    r = int(np.flatnonzero((sim.bonds.pairs.ids == [13, 14]).all(axis=1))[0])
+    x, dv = p.position[14] - p.position[13], p.velocity[14] - p.velocity[13]
+    assert x @ x < sim.scheme.closest**2 < SPACING**2
+    mean = 0.5 * (p.gradient[13] + p.gradient[14]).reshape(2, 2)
+    bond = mean + np.outer(dv - mean @ x, x) / sim.scheme.closest**2
+    rate = np.zeros((3, 3))
+    rate[:2, :2] = 0.5 * (bond + bond.T)
+    seen = to_matrix(block.strain_increment[r : r + 1])[0] / dt
+    assert seen == pytest.approx(rate, rel=1e-4, abs=1e-4 * abs(rate).max())
+
+
+def test_rows_hold_no_more_volume_than_the_loosest_packing(cloud, grid):
+    sim = cloud(grid(5, 4, spacing=SPACING), fixed=1e-6)
+    p = sim.particles
+    for dilation, expected in ((1.1, 1.1), (3.0, LOOSEST)):
+        p.dilation[:] = dilation
+        sim.scheme.deform(p, sim.bonds, sim.halo, 0.0, np.inf)
+        total = sum(c for *_, c in rows_of(sim))
+        assert total == pytest.approx(expected * p.volume.sum(), rel=1e-12)
 
 
 def test_integrity_takes_its_share_of_volume(cloud, grid):

@@ -33,7 +33,7 @@ FORMS = {"cubic": spline, "conical": lambda s: 1 - s, "constant": np.ones_like, 
 @pytest.mark.parametrize("name", NAMES)
 def test_closed_form(name):
     s = np.linspace(0, 1 - 1e-12, 2001)
-    tolerance = 2e-6 if name == "gaussian" else 1e-14
+    tolerance = 5e-4 if name == "gaussian" else 1e-14
     assert values(name, s) == pytest.approx(FORMS[name](s), abs=tolerance)
 
 
@@ -49,13 +49,14 @@ def test_vanishes_at_the_horizon(name):
     assert values(name, np.array([1 - 1e-9]))[0] < 1e-8
 
 
-def test_gaussian_pieces_join_smoothly():
-    joints = np.arange(1, 32) / 32
-    for order, step in ((0, 1e-12), (1, 1e-6)):
-        left, right = (values("gaussian", joints + k * step) for k in (-1, 1))
-        middle = values("gaussian", joints)
-        jump = right - left if order == 0 else (right - 2 * middle + left) / step
-        assert np.abs(jump).max() < 1e-4
+def test_gaussian_halves_join_smoothly():
+    """Value and two derivatives at s = 1/2, by one-sided differences."""
+    step = 1e-3
+    side = np.arange(4) * step
+    left, right = values("gaussian", 0.5 - side), values("gaussian", 0.5 + side)
+    slopes = [(-11 * f[0] + 18 * f[1] - 9 * f[2] + 2 * f[3]) / (6 * step) for f in (left, right)]
+    bends = [(2 * f[0] - 5 * f[1] + 4 * f[2] - f[3]) / step**2 for f in (left, right)]
+    assert slopes[0] == pytest.approx(-slopes[1], rel=1e-6) and bends[0] == pytest.approx(bends[1], rel=2e-3)
 
 
 def test_unknown_name_tells_the_allowed_ones():
