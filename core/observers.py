@@ -80,7 +80,7 @@ class ResultObserver(Observer):
 
 
 class HistoryObserver(Observer):
-    """Records global figures every `interval` steps: time, energies, extent, speed."""
+    """Records global figures every `interval` steps: time, energies, extent, speed; and the motion of `probes`."""
 
     UNITS = {
         "time": "s", "dt": "s", "kinetic_energy": "J", "internal_energy": "J", "external_work": "J",
@@ -89,8 +89,9 @@ class HistoryObserver(Observer):
         "plastic_dissipation": "J", "energy_residual": "J", "max_speed": "m/s", "front": "m", "height": "m",
     }  # fmt: skip
 
-    def __init__(self, writer, interval: int, vertical: int):
+    def __init__(self, writer, interval: int, vertical: int, probes=None):
         self.writer = writer
+        self.probes = probes
         self.interval = interval
         self.vertical = vertical
         self.latest: dict[str, float] = {}
@@ -133,6 +134,7 @@ class HistoryObserver(Observer):
             "max_speed": maximum(sim.comm, speed),
             "front": maximum(sim.comm, float(np.abs(across).max(initial=0.0))) + half,
             "height": maximum(sim.comm, float(up.max(initial=-np.inf))) + half,
+            **({} if self.probes is None else self.probes.entries(p)),
         }
         self.writer.append_history(self.latest)
 

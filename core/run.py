@@ -14,6 +14,7 @@ from mpi4py import MPI
 from periporo.core import fields, jit
 from periporo.core.interrupt import Interrupted, Keeper, Signals
 from periporo.core.observers import Callback, HistoryObserver, ProgressObserver, ResultObserver
+from periporo.core.probes import Probes
 from periporo.core.reductions import quantile
 from periporo.core.scene import build, vertical_axis
 from periporo.core.scene_source import naming, read_everywhere
@@ -52,12 +53,13 @@ def run(
         with naming(source):
             sim = build(scene, comm)
             names = _output_names(scene, sim)
+        probes = Probes(scene.monitor.points, sim.particles, comm)
         state = _state_to_resume(scene, target, comm, progress.message) if resume else None
         replace = overwrite or (resume and state is None)
-        with closing(sim.halo), _writer(scene, target, sim, names, replace, state) as writer:
+        with closing(sim.halo), _writer(scene, target, sim, names, probes, replace, state) as writer:
             if state is None:
                 everywhere(comm, checkpoint.remove, target)  # they belong to a run that is gone
-            history = HistoryObserver(writer, scene.output.history_interval, vertical_axis(scene))
+            history = HistoryObserver(writer, scene.output.history_interval, vertical_axis(scene), probes)
             sim.observers += [history, ResultObserver(writer, names, scene.output.interval)]
             sim.observers += [ProgressObserver(progress, history), *(Callback(*pair) for pair in callbacks)]
             watchdog = _watchdog(scene, target, writer, progress.message)
@@ -111,11 +113,11 @@ def everywhere(comm, function, *arguments):
     return value
 
 
-def _writer(scene, target, sim, names, overwrite, state):
+def _writer(scene, target, sim, names, probes, overwrite, state):
     declared = {n: (f.columns, f.unit) for n, f in fields.available(sim).items() if n in names}
     return ResultWriter(
         target, sim.comm, dimension=scene.dimension, fields=declared, attributes=_attributes(scene, sim.comm),
-        history_units=HistoryObserver.UNITS, overwrite=overwrite,
+        history_units=HistoryObserver.UNITS | probes.units, overwrite=overwrite,
         resume_step=None if state is None else state.memory["simulation"]["step_number"],
     )  # fmt: skip
 
@@ -143,7 +145,7 @@ def _keeper(scene, target, writer, walltime, signals, message, began):
 
 def _fingerprint(scene) -> str:
     """The scene as JSON without what may change between the parts of a run."""
-    return scene.model_dump_json(exclude={"title", "checkpoint", "monitor"})
+    return scene.model_dump_json(exclude={"title": True, "checkpoint": True, "monitor": {"energy_tolerance"}})
 
 
 def _state_to_resume(scene, target, comm, message):

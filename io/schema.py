@@ -184,7 +184,10 @@ class Monitor(SceneModel):
     """What is watched during the run."""
 
     points: tuple[Position, ...] = key(
-        "positions whose nearest point is recorded", "m", default=(), max_length=1000
+        "places; displacement and velocity of the point nearest to each at the start are recorded as histories",
+        "m",
+        default=(),
+        max_length=1000,
     )
     energy_tolerance: Real = key(
         "energy error over work done that stops the run", "1", default=0.01, gt=0, le=1

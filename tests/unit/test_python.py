@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import periporo
+from periporo.core.probes import Probes
 from periporo.core.watchdog import WatchdogError
 
 
@@ -110,3 +111,34 @@ def test_results_as_xarray(scene_of, tmp_path, monkeypatch):
         data = results.to_xarray()
         np.testing.assert_array_equal(data["stress"].sel(component="yy").isel(time=-1), results.field("stress")[:, 1])
         assert data["position"].attrs["units"] == "m" and data.sizes["id"] == 80
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_monitored_points_are_recorded(scene_of, tmp_path, monkeypatch, dimension):
+    """Free fall from speed v: displacement v t - g t^2/2 of the two points nearest to two places."""
+    monkeypatch.chdir(tmp_path)
+    counts, start = ((10, 8), (2.0, -1.0)) if dimension == 2 else ((5, 4, 4), (2.0, 0.5, -1.0))
+    scene = scene_of(dimension, counts, contacts=[], output={"history_interval": 1})
+    scene["bodies"][0]["velocity"] = start
+    top = np.array(scene["bodies"][0]["shape"]["upper"])
+    scene["monitor"] = {"points": [np.zeros(dimension), top]}
+    with periporo.open_results(periporo.run(scene, "fall.h5", quiet=True)) as results:
+        t = results.history("time")
+        gravity = np.zeros(dimension)
+        gravity[-1] = -9.81
+        for name in ("point_0", "point_1"):
+            for axis, v, g in zip("xyz", start, gravity, strict=False):
+                np.testing.assert_allclose(results.history(f"{name}_displacement_{axis}"), v * t + g * t**2 / 2,
+                                           rtol=1e-9, atol=1e-12)  # fmt: skip
+                np.testing.assert_allclose(results.history(f"{name}_velocity_{axis}"), v + g * t, rtol=1e-9)
+        assert results.unit("point_1_velocity_x") == "m/s" and "point_2_velocity_x" not in results.history_names
+
+
+def test_the_nearest_point_is_chosen_and_of_equals_the_first(scene_of):
+    sim = periporo.Simulation.from_scene(scene_of())
+    p = sim.particles
+    chosen = [23, 41, 79]
+    probes = Probes([p.position[k] + 0.001 for k in chosen], p, sim.comm)
+    assert probes.ids == [p.id[k] for k in chosen]
+    between = (p.position[0] + p.position[9]) / 2  # in the middle of four points
+    assert Probes([between], p, sim.comm).ids == [0]

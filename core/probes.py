@@ -1,0 +1,43 @@
+"""Points of interest, whose motion is recorded with the histories."""
+
+import numpy as np
+
+_EQUALLY = 1.0 + 1e-9  # times the smallest squared distance: as near, but for rounding
+
+
+class Probes:
+    """The points that were nearest to `places` (k, d) m at the start; of equally near ones the lowest id.
+
+    Attribute `units` (history name -> unit) declares displacement and velocity of each: `point_0_displacement_x`, ...
+    """
+
+    def __init__(self, places, particles, comm):
+        self.comm = comm
+        self.ids = [_nearest(np.array(place), particles, comm) for place in places]
+        axes = "xyz"[: particles.dimension]
+        self.units = {
+            f"point_{k}_{quantity}_{axis}": unit
+            for k in range(len(self.ids))
+            for quantity, unit in (("displacement", "m"), ("velocity", "m/s"))
+            for axis in axes
+        }
+
+    def entries(self, p) -> dict[str, float]:
+        """Displacement and velocity of each probe by history name; all ranks take part."""
+        if not self.ids:
+            return {}
+        mine = np.zeros((len(self.ids), 2, p.dimension))
+        for k, chosen in enumerate(self.ids):
+            for i in np.flatnonzero(p.id[: p.owned] == chosen):
+                mine[k] = p.position[i] - p.initial_position[i], p.velocity[i]
+        values = self.comm.allreduce(mine)  # one rank owns a point, the others add zero
+        return dict(zip(self.units, values.ravel().tolist(), strict=True))
+
+
+def _nearest(place, p, comm) -> int:
+    """Id of the point whose initial position is nearest to `place` (d,)."""
+    squares = ((p.initial_position[: p.owned] - place) ** 2).sum(axis=1)
+    near = np.flatnonzero(squares <= squares.min(initial=np.inf) * _EQUALLY)
+    found = [entry for rank in comm.allgather(list(zip(squares[near], p.id[near], strict=True))) for entry in rank]
+    smallest = min(square for square, _ in found)
+    return int(min(number for square, number in found if square <= smallest * _EQUALLY))
