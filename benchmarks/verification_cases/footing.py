@@ -89,5 +89,6 @@ def strip_footing(full=False, scheme="bond_projected"):
             Figure("smooth, 32 points", plateau(*load_curve(32, scheme, rough=False))[0]),
             Figure("half the speed, 16 points, relative change", abs(slow / found[0, 0] - 1.0), at_most=0.01),
             *(Figure(f"dilatation: bond, {n} points", plateau(*load_curve(n, own))[0]) for n in (16, 32)),
+            *(Figure(f"point_state, {n} points", plateau(*load_curve(n, "point_state"))[0]) for n in (32, 64)),
         ]
     return figures

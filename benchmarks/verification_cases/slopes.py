@@ -110,9 +110,9 @@ def vertical_cut(full=False, scheme="bond_projected"):
         found = bisect(partial(moves, make, 1e-4), 3.4, 4.6, 0.01 if full else 0.03)
         figures += _bracket(f"{rows} points high", found, STABILITY)
     if full:
-        make = partial(cut, rows=20, scheme=scheme)
-        found = bisect(partial(moves, make, 1e-4), 3.4, 6.0, 0.01)
-        figures += _bracket("20 points high, dilatation: bond", found, STABILITY, bounded=False)
+        for other, name in ((scheme, "dilatation: bond"), ("point_state", "point_state")):
+            found = bisect(partial(moves, partial(cut, rows=20, scheme=other), 1e-4), 3.4, 6.0, 0.01)
+            figures += _bracket(f"20 points high, {name}", found, STABILITY, bounded=False)
     return figures
 
 
