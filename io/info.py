@@ -30,12 +30,12 @@ def describe_results(results):
         for component, column in zip(results.components(name) or ("",), columns, strict=True):
             label = f"{name} {component}".strip()
             low, high = (np.min(column), np.max(column)) if len(column) else (np.nan, np.nan)
-            lines.append(f"  {label:<28}{low:>14.5g}{high:>14.5g}  {results.unit(name)}")
+            lines.append(f"  {label:<28}{low + 0.0:>14.5g}{high + 0.0:>14.5g}  {results.unit(name)}")
     if results.history_names and len(results.history("step")):
         lines.append(f"{'histories':<30}{'first':>14}{'last':>14}  unit")
         for name in results.history_names:
             values = results.history(name)
-            lines.append(f"  {name:<28}{values[0]:>14.5g}{values[-1]:>14.5g}  {results.unit(name)}")
+            lines.append(f"  {name:<28}{values[0] + 0.0:>14.5g}{values[-1] + 0.0:>14.5g}  {results.unit(name)}")
     return "\n".join(lines)
 
 
