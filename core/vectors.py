@@ -30,21 +30,39 @@ def add_moments(typingctx, sums, i, j, pairs, k, factor, dim):
     left, right = _FACTORS[len(dim)]
 
     def code(context, builder, signature, arguments):
-        def vector_at(number, row, width):
-            array = context.make_array(signature.args[number])(context, builder, arguments[number])
-            place = builder.mul(row, row.type(width))
-            return builder.bitcast(builder.gep(array.data, [place]), ir.VectorType(ir.DoubleType(), width).as_pointer())
-
-        pair = builder.load(vector_at(3, arguments[4], WIDTH), align=8)
+        pair = builder.load(_vector_at(context, builder, signature, arguments, 3, arguments[4], WIDTH), align=8)
         term = builder.fmul(_picked(builder, pair, left), _picked(builder, pair, right))
         one = builder.insert_element(ir.Constant(term.type, ir.Undefined), arguments[5], ir.IntType(32)(0))
         term = builder.fmul(term, _picked(builder, one, [0] * len(left)))
         for end in (arguments[1], arguments[2]):
-            row = vector_at(0, end, len(left))
-            builder.store(builder.fadd(builder.load(row, align=8), term), row, align=8)
+            _add(builder, _vector_at(context, builder, signature, arguments, 0, end, len(left)), term)
         return context.get_dummy_value()
 
     return types.void(sums, types.intp, types.intp, pairs, types.intp, types.float64, dim), code
+
+
+@intrinsic
+def add_row(typingctx, target, i, terms, k, dim):
+    """Add row k of the flat array `terms` to row i of `target`, (n, d*d) contiguous."""
+    width = len(dim) ** 2
+
+    def code(context, builder, signature, arguments):
+        term = builder.load(_vector_at(context, builder, signature, arguments, 2, arguments[3], width), align=8)
+        _add(builder, _vector_at(context, builder, signature, arguments, 0, arguments[1], width), term)
+        return context.get_dummy_value()
+
+    return types.void(target, types.intp, terms, types.intp, dim), code
+
+
+def _vector_at(context, builder, signature, arguments, number, row, width):
+    """Pointer to `width` numbers from place width*row on of the array that is argument `number`."""
+    array = context.make_array(signature.args[number])(context, builder, arguments[number])
+    place = builder.gep(array.data, [builder.mul(row, row.type(width))])
+    return builder.bitcast(place, ir.VectorType(ir.DoubleType(), width).as_pointer())
+
+
+def _add(builder, place, term):
+    builder.store(builder.fadd(builder.load(place, align=8), term), place, align=8)
 
 
 def _picked(builder, vector, places):

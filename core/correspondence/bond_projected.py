@@ -31,7 +31,8 @@ from periporo.core.correspondence.influence import influence_table, support
 from periporo.core.correspondence.moments import update_neighbourhoods
 from periporo.core.correspondence.springs import add_spring
 from periporo.core.jit import inlined, kernel
-from periporo.core.rows import BOTH, FIRST, SECOND, PairRows
+from periporo.core.rows import BOTH, FIRST, PairRows
+from periporo.core.vectors import add_row
 
 CLOSEST = 0.27  # of the horizon: with m = 2.2 what points that are a fifth of a spacing out of place keep, 0.6
 
@@ -95,20 +96,15 @@ class BondProjected:
     def internal_force(self, particles, bonds, halo, force: np.ndarray) -> None:
         """Fill `force` (total, d) N with the internal force; rows of ghosts are incomplete."""
         p, pairs = particles, bonds.pairs
-        p.flux[:] = 0.0
+        p.flux[:], force[:] = 0.0, 0.0
         for block in bonds.blocks:
-            _sum_flux(
+            _add_own_force(
                 block.pair, block.side, block.active, pairs.first, pairs.second, pairs.weight, p.position, p.volume,
-                p.share, block.total_stress, self.closest, p.flux, self.taken, p.dim,
+                p.share, block.total_stress, self.closest, self.taken, p.flux, force, p.dim,
             )  # fmt: skip
         _close_flux(p.owned, p.volume, p.shape_inverse, p.flux, p.dim)
         halo.update(p, "flux")
-        force[:] = 0.0
-        for block in bonds.blocks:
-            _add_force(
-                block.pair, block.side, block.active, pairs.first, pairs.second, pairs.weight, p.position, p.volume,
-                p.share, block.total_stress, self.closest, p.flux, force, self.taken, p.dim,
-            )  # fmt: skip
+        _add_flux_force(pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.flux, force, p.dim)
 
     def add_springs(self, particles, bonds, block, bulk, shear, springs) -> None:
         """Add the stiffness of the points' bonds, with moduli (n,) Pa of the block's rows."""
@@ -161,20 +157,35 @@ def _along(stress, x, taken):
 
 
 @kernel
-def _sum_flux(pair, side, active, first, second, weight, position, volume, share, stress, closest, flux, taken, dim):
-    """Add (c/2)(sigma - (sigma xi) (x) n) of each row to Z of both ends."""
+def _add_own_force(
+    pair, side, active, first, second, weight, position, volume, share, stress, closest, taken, flux, force, dim
+):
+    """Add the bond's own part c sigma n of t_ij to both ends, and (c/2)(sigma - (sigma xi) (x) n) to Z of both."""
+    n_matrix = len(dim) * len(dim)
+    terms, ends = np.zeros(LANES * n_matrix), np.zeros((2, LANES), np.int64)
+    used = 0
     for r in range(pair.shape[0]):
-        if not active[r]:
-            continue
-        b = pair[r]
-        i, j = first[b], second[b]
-        xi = la.difference(position, i, j, dim)
-        s = la.symmetric_at(stress, r, 0, dim)
-        half = 0.5 * row_volume(side[r], weight[b] * volume[i] * volume[j], share, i, j)
-        z = la.full(s)
-        z = la.plus_dyad(z, _along(s, xi, taken), la.scaled(direction(xi, closest), -1.0))
-        la.add(flux, i, 0, z, half)
-        la.add(flux, j, 0, z, half)
+        if active[r]:
+            b = pair[r]
+            i, j = first[b], second[b]
+            xi = la.difference(position, i, j, dim)
+            n = direction(xi, closest)
+            s = la.symmetric_at(stress, r, 0, dim)
+            c = row_volume(side[r], weight[b] * volume[i] * volume[j], share, i, j)
+            along = _along(s, n, taken)
+            for a in range(len(dim)):
+                force[i, a] += c * along[a]
+                force[j, a] -= c * along[a]
+            z = la.plus_dyad(la.full(s), _along(s, xi, taken), la.scaled(n, -1.0))
+            for a in range(n_matrix):
+                terms[used * n_matrix + a] = 0.5 * c * z[a]
+            ends[0, used], ends[1, used] = i, j
+            used += 1
+        if used == LANES or r == pair.shape[0] - 1:
+            for k in range(used):
+                add_row(flux, ends[0, k], terms, k, dim)
+                add_row(flux, ends[1, k], terms, k, dim)
+            used = 0
 
 
 @kernel
@@ -186,25 +197,17 @@ def _close_flux(owned, volume, shape_inverse, flux, dim):
 
 
 @kernel
-def _add_force(
-    pair, side, active, first, second, weight, position, volume, share, stress, closest, flux, force, taken, dim
-):
-    """Add t_ij to both ends: the flux part once for each pair, the bond's own part for each active row."""
-    for r in range(pair.shape[0]):
-        b = pair[r]
+def _add_flux_force(first, second, weight, position, volume, flux, force, dim):
+    """Add the part w V_i V_j (B_i + B_j) xi of t_ij to both ends."""
+    for b in range(first.shape[0]):
         if weight[b] == 0.0:
             continue
         i, j = first[b], second[b]
-        xi = la.difference(position, i, j, dim)
-        wvv = weight[b] * volume[i] * volume[j]
-        lead = 0.0 if side[r] == SECOND else 2.0 * wvv
-        own = row_volume(side[r], wvv, share, i, j) if active[r] else 0.0
-        t = la.apply(la.mean_matrix(flux, i, j, dim), xi)
-        u = _along(la.symmetric_at(stress, r, 0, dim), direction(xi, closest), taken)
+        wvv = 2.0 * weight[b] * volume[i] * volume[j]
+        t = la.apply(la.mean_matrix(flux, i, j, dim), la.difference(position, i, j, dim))
         for a in range(len(dim)):
-            f = lead * t[a] + own * u[a]
-            force[i, a] += f
-            force[j, a] -= f
+            force[i, a] += wvv * t[a]
+            force[j, a] -= wvv * t[a]
 
 
 @kernel
