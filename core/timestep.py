@@ -4,7 +4,8 @@ The highest frequency of the whole scene comes from a few Lanczos iterations of 
 operator: that is exact but costs some steps. In between it is followed by a local estimate for every point,
 its bonds taken as springs, omega_i^2 = lambda_max(sum_b 2 c_b/r_b^2 [mu I + (K + mu/3) n n]) / m_i, which tells
 at once when points come close or stiffen. Its ratio to the exact value is measured again when it has changed,
-and every few hundred steps, since a point in a nearly degenerate neighbourhood is stiffer than its springs.
+and every few hundred steps, since a point in a nearly degenerate neighbourhood is stiffer than its springs; while the
+ratio stays the same it is measured less and less often.
 """
 
 import numpy as np
@@ -16,8 +17,9 @@ from periporo.io.geometry import uniform
 
 _LANCZOS_STEPS = 12
 _DRIFT = 0.1  # relative change of the local estimate after which the ratio is measured again
-_LONGEST = 200  # steps after which it is measured again in any case
-_REMEMBERED = ("ratio", "reduction", "_calibrated_at", "_calibrated_in")
+_OFTEN, _SELDOM = 200, 800  # steps after which it is measured again in any case
+_STEADY = 0.02  # relative change of the ratio up to which it is measured less often
+_REMEMBERED = ("ratio", "reduction", "_calibrated_at", "_calibrated_in", "_pause")
 
 
 class StableTimeStep:
@@ -31,6 +33,7 @@ class StableTimeStep:
         self.reduction = 1.0  # after a failure the run is careful for a while
         self._calibrated_at = 0.0
         self._calibrated_in = 0  # step
+        self._pause = _OFTEN  # steps
 
     def due(self, step: int) -> bool:
         """Whether the step is to be chosen anew."""
@@ -42,9 +45,11 @@ class StableTimeStep:
             return self.fixed * self.reduction
         local = local_frequency(sim, sim.contacts)
         drifted = not abs(local - self._calibrated_at) <= _DRIFT * self._calibrated_at
-        if drifted or sim.step_number >= self._calibrated_in + _LONGEST:
+        if drifted or sim.step_number >= self._calibrated_in + self._pause:
             exact, alone = highest_frequency(sim), local_frequency(sim, ())
-            self.ratio = exact / alone if alone > 0.0 else 1.0
+            before, self.ratio = self.ratio, exact / alone if alone > 0.0 else 1.0
+            steady = not drifted and abs(self.ratio - before) <= _STEADY * before
+            self._pause = min(2 * self._pause, _SELDOM) if steady else _OFTEN
             self._calibrated_at, self._calibrated_in = local, sim.step_number
         if local == 0.0 and sim.dt > 0.0:
             return sim.dt  # every point flies freely: go on as before

@@ -123,3 +123,19 @@ def test_nan_shows_in_the_local_frequency_wherever_it_is(cloud, grid):
         sim = cloud(grid(6, 5, spacing=SPACING), fixed=1e-6)
         sim.particles.mass[point] = np.nan
         assert np.isnan(local_frequency(sim, ()))
+
+
+def test_the_ratio_is_measured_less_often_while_nothing_changes(cloud, grid, monkeypatch):
+    """After 200, 400, 800, 800 steps; at once when a spring stiffens, and then often again."""
+    sim = cloud(grid(6, 5, spacing=SPACING, jitter=0.1))
+    measured = []
+    exact = highest_frequency(sim)
+    monkeypatch.setattr(
+        "periporo.core.timestep.highest_frequency", lambda sim: measured.append(sim.step_number) or exact
+    )
+    step = StableTimeStep(0.8, None, 10)
+    for sim.step_number in range(0, 3000, 10):
+        if sim.step_number == 2500:
+            sim.particles.mass *= 0.5
+        step.choose(sim)
+    assert measured == [0, 200, 600, 1400, 2200, 2500, 2700]
