@@ -7,6 +7,8 @@ import numpy as np
 from periporo.core.algebra import DIMENSION
 from periporo.core.tensors import component_count
 
+_CACHE_LINE = 64  # bytes
+
 
 @dataclass(frozen=True)
 class Field:
@@ -69,7 +71,7 @@ class Particles:
 
     def _zeros(self, field: Field) -> np.ndarray:
         rows = self.total if field.sent else self.owned
-        return np.zeros(rows if field.columns is None else (rows, field.columns), field.dtype)
+        return _aligned_zeros(rows if field.columns is None else (rows, field.columns), field.dtype)
 
     def present_volume(self) -> np.ndarray:
         """Volume (owned,) m^3 of the points after the last step."""
@@ -92,3 +94,11 @@ class Particles:
     def take(self, rows: np.ndarray) -> dict[str, np.ndarray]:
         """The migrating fields of the owned `rows`."""
         return {f.name: getattr(self, f.name)[rows] for f in self.migrating()}
+
+
+def _aligned_zeros(shape, dtype) -> np.ndarray:
+    """Zeros that start where a cache line does, or a machine vector of a point might lie across two of them."""
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    raw = np.zeros(size + _CACHE_LINE, np.uint8)
+    start = -raw.ctypes.data % _CACHE_LINE
+    return raw[start : start + size].view(dtype).reshape(shape)

@@ -1,0 +1,128 @@
+"""Each kernel of an elastic step against this machine: python benchmarks/roofline.py [--side 40] [--dimension 2]
+
+Measured in the same run: the rate of fused multiply-adds in vectors, and the rates at which one core streams memory
+that lies in its second cache and in main memory. Per point and kernel: flops and bytes (counted from the source: what a
+pass reads and writes for each of its items, wherever it lies), time, and the shares of both limits. A kernel near
+neither is bound by its instructions: looking up the two ends of a pair and adding to them, one by one.
+"""
+
+import argparse
+import time
+
+import numpy as np
+from numba import njit
+from step_time import block
+
+from periporo.core.correspondence import bond_projected, moments
+
+# flops per pair or point, (2D, 3D): additions and multiplications, divisions and roots as one each
+FLOPS = {
+    "neighbourhoods": (74, 128), "close points": (60, 190), "strain": (150, 470), "material": (16, 20),
+    "own force": (62, 118), "close flux": (16, 54), "flux force": (27, 49),
+}  # fmt: skip
+
+
+@njit(fastmath={"contract"})
+def _multiply_add(x, a, b, rounds):
+    for _ in range(rounds):
+        for k in range(x.shape[0]):  # the eight multiply-adds of an element wait for each other, elements do not
+            y = (((x[k] * a + b) * a + b) * a + b) * a + b
+            x[k] = (((y * a + b) * a + b) * a + b) * a + b
+
+
+@njit(fastmath=True)
+def _triad(a, b, c, rounds):
+    for _ in range(rounds):
+        for k in range(a.shape[0]):
+            a[k] = b[k] + 0.5 * c[k]
+
+
+def quickest(function, repeats: int = 7) -> float:
+    """Least time of a call, s, after a first one that is not counted."""
+    function()
+    times = []
+    for _ in range(repeats):
+        began = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - began)
+    return min(times)
+
+
+def machine() -> tuple[float, float, float]:
+    """Flops per second; bytes per second from the second cache and from main memory."""
+    x = np.ones(2048)
+    flops = 2 * 8 * 1000 * len(x) / quickest(lambda: _multiply_add(x, 0.999, 0.001, 1000))
+    rates = []
+    for size, rounds in ((20_000, 400), (8_000_000, 1)):
+        a, b, c = np.zeros(size), np.ones(size), np.ones(size)
+        rates.append(32 * size * rounds / quickest(lambda a=a, b=b, c=c, rounds=rounds: _triad(a, b, c, rounds)))
+    return flops, *rates
+
+
+def kernels(sim) -> dict:
+    """Name -> (function, items that it goes through, bytes per item)."""
+    p, pairs, law, scheme = sim.particles, sim.bonds.pairs, sim.bonds.blocks[0], sim.scheme
+    force = np.zeros_like(p.position)
+    d, c, m = p.dimension, p.components, p.dimension**2
+    shape = d * (d + 1) // 2
+    ends, n, points = 8, len(pairs.first), p.owned
+    state = (law.pair, law.side, law.active, pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.share)
+    return {
+        "neighbourhoods": (
+            lambda: moments._sum_moments(
+                pairs.first, pairs.second, pairs.weight, pairs.count, p.position, p.velocity, p.volume, scheme.horizon,
+                scheme.table, p.sums, p.dim),
+            n, ends + 16 + 2 * 8 * (2 * d + 1) + 4 * 8 * (1 + shape + m)),
+        "close points": (
+            lambda: moments._close_points(
+                points, sim.dt, scheme.horizon, p.volume, pairs.count, p.sums, p.dilation, p.share, p.shape_inverse,
+                p.gradient, p.jacobian, p.dim),
+            points, 8 * (1 + shape + m + 3 + 3 + shape + m + 1)),
+        "strain": (
+            lambda: bond_projected._strain_rows(
+                law.pair, law.active, pairs.first, pairs.second, p.position, p.velocity, p.gradient, scheme.closest,
+                sim.dt, law.stress, law.strain_increment, law.state, law.tensor_columns, law.peak, scheme.taken, p.dim),
+            n, ends + 5 + 2 * 8 * (2 * d + m) + 8 * 4 * c),
+        "material": (
+            lambda: law.material.compute_stress(law.stress, law.strain_increment, law.state, sim.dt), n, 8 * 3 * c),
+        "own force": (
+            lambda: bond_projected._add_own_force(
+                *state, law.total_stress, scheme.closest, scheme.taken, p.flux, force, p.dim),
+            n, ends + 14 + 8 * c + 2 * 8 * (d + 3) + 4 * 8 * (m + d)),
+        "close flux": (
+            lambda: bond_projected._close_flux(points, p.volume, p.shape_inverse, p.flux, p.dim),
+            points, 8 * (1 + shape + 2 * m)),
+        "flux force": (
+            lambda: bond_projected._add_flux_force(
+                pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.flux, force, p.dim),
+            n, ends + 8 + 2 * 8 * (d + 1 + m) + 4 * 8 * d),
+    }  # fmt: skip
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--side", type=int, default=40, help="points along an edge of the block")
+    parser.add_argument("--dimension", type=int, choices=(2, 3), default=2)
+    arguments = parser.parse_args()
+    flops, cache, memory = machine()
+    sim = block(arguments.dimension, arguments.side, "elastic")
+    for _ in range(3):
+        sim.step()
+    points = sim.particles.owned
+    print(f"one core: {flops / 1e9:.1f} Gflop/s, {cache / 1e9:.1f} GB/s from the second cache, "
+          f"{memory / 1e9:.1f} GB/s from memory; {points} points\n")  # fmt: skip
+    print("| kernel | flops | bytes | ns | Gflop/s | of the peak | GB/s | of the second cache |\n" + "|---" * 8 + "|")
+    total = 0.0
+    for name, (function, items, size) in kernels(sim).items():
+        each = items / points
+        seconds = quickest(function) / points
+        work, moved = FLOPS[name][arguments.dimension - 2] * each, size * each
+        total += seconds
+        print(f"| {name} | {work:.0f} | {moved:.0f} | {seconds * 1e9:.1f} | {work / seconds / 1e9:.1f} | "
+              f"{100 * work / seconds / flops:.0f} % | {moved / seconds / 1e9:.0f} | "
+              f"{100 * moved / seconds / cache:.0f} % |")  # fmt: skip
+    print(f"| all | | | {total * 1e9:.1f} | | | | |")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""What optional features cost, and that they cost nothing when they are off: python benchmarks/skip.py [--side 100]
+
+A square of Cam-Clay under its own stress is run for the same steps with and without each feature, in turn; the median
+ratio of the processor times is its cost. "Off" is the time that the steps without the feature spend in its place in the
+loop, in per cent of the step: nothing is tested for there, so this is what going through an empty list costs.
+"""
+
+import argparse
+import time
+
+import numpy as np
+from mpi4py import MPI
+from step_time import MATERIALS
+
+from periporo.core.scene import build
+from periporo.io.schema import parse_scene
+
+SOIL = MATERIALS["cam_clay"]
+STEPS, STEP = 200, 0.5 / 160.0  # of the spacing over the wave speed
+FLOOR = {"type": "plane", "point": [0, 0], "normal": [0, 1], "friction": 0.5}
+FAR = {"type": "plane", "point": [-5, 0], "normal": [1, 0], "friction": 0.5}
+HELD = {"base": {"where": {"upper": [None, 0.02]}, "fix": ["x", "y"]}}
+FEATURES = {  # name -> (change of the input, the part of the step where it is at work)
+    "gravity": ({"gravity": [0, -9.81]}, "loads"),
+    "floor in contact": ({"contacts": [FLOOR]}, "contact"),
+    "wall out of reach": ({"contacts": [FAR]}, "contact"),
+    "fixed boundary": ({"boundaries": HELD}, "integration"),
+    "pore water": ({"pore_water": {"suction": 500.0, "retention": {"set": "fitted"}}}, "point processes"),
+    "viscous soil": ({"materials": {"soil": SOIL | {"viscosity": 1e9}}}, "material"),
+    "dissipation in the ledger": ({"materials": {"soil": SOIL | {"report_dissipation": True}}}, "point processes"),
+    "viscous damping": ({"stages": [{"damping": {"viscous": 1.0}}]}, "loads"),
+}
+
+
+def square(side: int, change: dict) -> dict:
+    """The input of the square, with a feature."""
+    stage = {"name": "motion", "type": "dynamics", "duration": STEPS * STEP / side}
+    scene = {
+        "dimension": 2, "spacing": 1.0 / side, "materials": {"soil": SOIL}, "time_step": {"fixed": STEP / side},
+        "bodies": [{"name": "square", "material": "soil",
+                    "shape": {"type": "box", "lower": [0.0, 0.0], "upper": [1.0, 1.0]}}],
+        "initial_stress": {"type": "uniform", "components": {"xx": -500.0, "yy": -800.0, "zz": -500.0}},
+        "stages": [stage],
+    } | change  # fmt: skip
+    scene["stages"] = [stage | scene["stages"][0]]
+    return scene
+
+
+def run(scene: dict) -> tuple[float, dict]:
+    """Processor time of the stage, and the parts of its steps."""
+    sim = build(parse_scene(scene), MPI.COMM_SELF)
+    sim.start()
+    sim.timing.reset()
+    began = time.process_time()
+    sim.run()
+    return time.process_time() - began, sim.timing.seconds
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--side", type=int, default=100, help="points along an edge of the square")
+    parser.add_argument("--repeats", type=int, default=5)
+    arguments = parser.parse_args()
+    plain = square(arguments.side, {})
+    run(plain)
+    print("| feature | on, % of the step | off, % |\n|---|---|---|")
+    for name, (change, part) in FEATURES.items():
+        scene = square(arguments.side, change)
+        run(scene)  # compiles
+        ratios, off = [], []
+        for _ in range(arguments.repeats):
+            without, parts = run(plain)
+            ratios.append(run(scene)[0] / without)
+            off.append(parts.get(part, 0.0) / sum(parts.values()))
+        idle = f"{100 * np.median(off):.2f}" if part not in ("integration", "material") else "part of the step"
+        print(f"| {name} | {100 * (np.median(ratios) - 1.0):+.1f} | {idle} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
