@@ -36,6 +36,7 @@ ROUNDING = 1e-13  # and below this they are rounding
 SCHEMES = {
     "bond_projected": BondProjected,
     "point_state": PointState,
+    "point_state, sharpened": lambda h, name: PointState(h, name, sharpened=True),
     "sub_horizon": SubHorizon,
     "standard": Standard,
     "published": SubHorizonPublished,
@@ -43,7 +44,9 @@ SCHEMES = {
     "published, no self": lambda h, name: SubHorizonPublished(h, name, self_point=False),
 }
 RUNS = (  # with constant influence, lattice points exactly at the horizon would flicker in and out of it: m = 2.1
-    ("bond_projected", "cubic", 2.2), ("sub_horizon", "cubic", 2.2), ("standard", "cubic", 2.2),
+    ("bond_projected", "cubic", 2.2), ("point_state", "cubic", 2.2), ("point_state", "constant", 2.1),
+    ("point_state, sharpened", "cubic", 2.2), ("point_state, sharpened", "constant", 2.1),
+    ("sub_horizon", "cubic", 2.2), ("standard", "cubic", 2.2),
     ("sub_horizon", "constant", 2.1), ("bond_projected", "constant", 2.1), ("bond_projected", "constant", 2.0),
     ("published", "cubic", 2.2), ("published", "cubic", 3.1), ("published", "constant", 2.1),
     ("published", "constant", 3.1), ("published, own ends", "constant", 3.1),
@@ -176,7 +179,7 @@ def write_tables(rows, folder):
 
 def plot_growth(plt, rows, path):
     """Growth rate of every case, one column of points for each scheme."""
-    figure, axes = plt.subplots(figsize=(8, 4.2), layout="constrained")
+    figure, axes = plt.subplots(figsize=(9.5, 4.2), layout="constrained")
     marks = {(2, 0.0): ("o", "2D, grid"), (2, 0.2): ("s", "2D, jitter 0.2"), (3, 0.0): ("^", "3D, grid"),
              (3, 0.2): ("v", "3D, jitter 0.2")}  # fmt: skip
     for (d, jitter), (mark, label) in marks.items():

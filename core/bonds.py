@@ -114,8 +114,8 @@ class Bonds:
         for block in self.blocks:
             width = 1 + particles.components + block.columns
             particles.add_field(Field(block.average, width, "", migrates=False))
-        if self.links is not None:  # stiffness of the points' links, and the part of the trial stress that they keep
-            particles.add_field(Field("response", 2, "Pa, 1", migrates=False))
+        for field in layout.fields(particles.dimension, particles.components):
+            particles.add_field(field)
 
     @property
     def carriers(self) -> list[Rows]:

@@ -7,14 +7,23 @@ weight): row r lies between the points first[index[r]] and second[index[r]].
 import numpy as np
 
 from periporo.core.jit import kernel
+from periporo.core.particles import Field
 
 BOTH, FIRST, SECOND = 0, 1, 2  # whose share of a pair's volume a row stands for
 
 
-class PairRows:
-    """A row for each pair, keyed (lower id, higher id); a pair of two materials has one in either block."""
+class Layout:
+    """What a scheme may want besides rows: `linked`, a number for each pair, and point fields of its own."""
 
     linked = False
+
+    def fields(self, dimension: int, components: int) -> tuple[Field, ...]:
+        """The point fields."""
+        return ()
+
+
+class PairRows(Layout):
+    """A row for each pair, keyed (lower id, higher id); a pair of two materials has one in either block."""
 
     def choose(self, block, blocks, pairs, particles) -> None:
         """Find the rows of `block`."""
@@ -50,15 +59,13 @@ class PairRows:
         return pairs.weight[pair] * volume[i] * volume[j] * halves.sum(axis=0)
 
 
-class DirectedRows:
+class DirectedRows(Layout):
     """A row for each bond of each owned point, keyed (its id, the neighbour's id), in that order.
 
     `block.side` tells which end of the row's pair holds it, FIRST or SECOND; the rows of owned point i are
     start[i] ... start[i + 1]. The scheme sets `integrity` (n,), 0 for a row without state, `fraction` (n,) of
     the point's volume that the row stands for, and each row's own `shape_inverse` and `gradient`.
     """
-
-    linked = False
 
     def choose(self, block, blocks, pairs, particles) -> None:
         """Find the rows of `block`."""
@@ -88,11 +95,8 @@ class DirectedRows:
         return particles.volume[block.first[rows]] * block.fraction[rows]
 
 
-class PointRows:
-    """A row for each owned point, keyed (id, id); `linked` by a number for each pair if the scheme wants one."""
-
-    def __init__(self, linked: bool = False):
-        self.linked = linked
+class PointRows(Layout):
+    """A row for each owned point, keyed (id, id)."""
 
     def choose(self, block, blocks, pairs, particles) -> None:
         """Find the rows of `block`."""

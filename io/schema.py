@@ -108,6 +108,12 @@ Stage = Annotated[RelaxStage | DynamicsStage, Field(discriminator="type")]
 SchemeName = Literal["bond_projected", "point_state", "standard", "sub_horizon", "sub_horizon_published"]
 
 
+_SCHEME_OF = {
+    "self_point": "sub_horizon_published", "average_ends": "sub_horizon_published", "dilatation": "bond_projected",
+    "sharpened": "point_state",
+}  # fmt: skip
+
+
 class CorrespondenceInput(SceneModel):
     """A correspondence scheme with its options."""
 
@@ -124,19 +130,22 @@ class CorrespondenceInput(SceneModel):
         "(bond_projected, default bond)",
         default=None,
     )
+    sharpened: Flag | None = key(
+        "laws see a gradient that is of fourth order in waves; steps are shorter (point_state, default false)",
+        default=None,
+    )
 
     @model_validator(mode="after")
     def _has_the_options(self):
         for option in self.options():
-            scheme = "bond_projected" if option == "dilatation" else "sub_horizon_published"
+            scheme = _SCHEME_OF[option]
             if self.scheme != scheme:
                 raise ValueError(f"'{self.scheme}' has no option {option}; leave it out, or choose {scheme}")
         return self
 
     def options(self) -> dict[str, bool | str]:
         """The options that were given, by name."""
-        given = {"self_point": self.self_point, "average_ends": self.average_ends, "dilatation": self.dilatation}
-        return {name: value for name, value in given.items() if value is not None}
+        return {name: getattr(self, name) for name in _SCHEME_OF if getattr(self, name) is not None}
 
 
 def _name_as_scheme(value: Any) -> Any:

@@ -40,12 +40,17 @@ class Standard:
         """
         p, pairs = particles, bonds.pairs
         update_neighbourhoods(p, pairs, self.horizon, self.table, dt)
+        gradient = self.row_gradient(p, pairs, halo)
         bonds.admit_newborn(p, material_dt)
         for block in bonds.blocks:
             kinematics.strain_rows(
-                block.first, block.active, p.gradient, dt, block.stress, block.strain_increment, block.state,
+                block.first, block.active, gradient, dt, block.stress, block.strain_increment, block.state,
                 block.tensor_columns, block.peak, p.dim,
             )  # fmt: skip
+
+    def row_gradient(self, p, pairs, halo) -> np.ndarray:
+        """The velocity gradients (points, at least d^2) that the rows of owned points see."""
+        return p.gradient
 
     def internal_force(self, particles, bonds, halo, force: np.ndarray) -> None:
         """Fill `force` (total, d) N with the internal force; rows of ghosts are incomplete."""

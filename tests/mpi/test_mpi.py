@@ -103,7 +103,10 @@ def test_results_have_the_same_bits_on_one_to_four_ranks(mpirun, tmp_path, scene
         assert run["migrated_points"] > 50 and run["messages"] > 0 and run["bytes_sent"] > run["messages"]
 
 
-@pytest.mark.parametrize("scheme", [name for name in SCHEMES if name != "bond_projected"])
+OTHERS = [name for name in SCHEMES if name != "bond_projected"] + [{"scheme": "point_state", "sharpened": True}]
+
+
+@pytest.mark.parametrize("scheme", OTHERS, ids=str)
 def test_every_scheme_has_the_same_bits_on_three_ranks(mpirun, tmp_path, scheme):
     scene = collapse(scheme, duration=0.02)
     one, _ = simulate(mpirun, tmp_path, scene, 1)

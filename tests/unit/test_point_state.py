@@ -1,4 +1,6 @@
-"""The point-state scheme: its links against their formulas, and what becomes of them where the soil flows."""
+"""The point-state scheme: gradient and links against formulas, and what becomes of links where soil flows."""
+
+from functools import partial
 
 import numpy as np
 import pytest
@@ -6,7 +8,10 @@ from mpi4py import MPI
 
 from periporo.core.correspondence.point_state import PointState
 from periporo.core.tensors import to_matrix
+from periporo.core.timestep import apply_stiffness
 from periporo.io import checkpoint
+from periporo.io.input_errors import InputError
+from periporo.io.schema import parse_scene
 from periporo.materials.drucker_prager import DruckerPrager
 from periporo.materials.elastic import Elastic
 
@@ -16,13 +21,18 @@ SOFT = Elastic(density=2100.0, bulk_modulus=1e7, shear_modulus=4e6)
 COUNTS = {2: (7, 6), 3: (5, 4, 4)}
 
 
-@pytest.fixture(params=(2, 3), ids=("2D", "3D"))
+SHARP = partial(PointState, sharpened=True)
+
+
+@pytest.fixture(params=[(2, PointState), (3, PointState), (2, SHARP), (3, SHARP)],
+                ids=("2D", "3D", "2D, sharpened", "3D, sharpened"))  # fmt: skip
 def make(request, cloud, grid):
     """The function that makes a jittered cloud with unequal volumes, in two or three dimensions."""
+    dimension, scheme = request.param
 
     def make(jitter=0.2, **options):
-        position = grid(*COUNTS[request.param], spacing=SPACING, jitter=jitter)
-        sim = cloud(position, scheme=PointState, **options)
+        position = grid(*COUNTS[dimension], spacing=SPACING, jitter=jitter)
+        sim = cloud(position, scheme=scheme, **options)
         sim.particles.volume *= np.random.default_rng(2).uniform(0.7, 1.4, len(position))
         return sim
 
@@ -60,6 +70,72 @@ def link_rates(sim):
 def link_volumes(sim):
     links = sim.bonds.links
     return links.layout.volumes(links, sim.bonds.pairs, sim.particles, np.arange(len(links.pair)))
+
+
+def test_laws_see_the_gradient(make):
+    """Against sums written out with dense matrices."""
+    sim = make()
+    p, d, dt = sim.particles, sim.particles.dimension, 1e-15
+    velocity = np.random.default_rng(3).normal(size=p.position.shape)
+    deform(sim, velocity, dt)
+    xi = p.position[None] - p.position[:, None]
+    r = np.linalg.norm(xi, axis=2)
+    s = r / sim.scheme.horizon
+    wv = np.where(s < 0.5, 1 - 6 * s**2 + 6 * s**3, np.where(s < 1, 2 * (1 - s) ** 3, 0.0)) * p.volume
+    np.fill_diagonal(wv, 0.0)
+    inverse = np.linalg.inv(np.einsum("ij,ija,ijb->iab", wv, xi, xi))
+    plain = np.einsum("ij,ija,ijb,ibc->iac", wv, velocity[None] - velocity[:, None], xi, inverse)
+    factor = wv.sum(axis=1) * (wv * r**4).sum(axis=1) / (wv * r**2).sum(axis=1) ** 2 * {2: 0.5, 3: 0.6}[d]
+    faded = wv * p.share[:, 1]
+    mean = np.einsum("ij,jac->iac", faded / faded.sum(axis=1, keepdims=True), plain)
+    assert 0.4 < factor.min() < factor.max() < 1.2
+    sharp = plain + sim.scheme.sharpened * factor[:, None, None] * (plain - mean)
+    regular = np.flatnonzero(p.share[:, 1] == 1.0)
+    assert len(regular) > 0.8 * p.total
+    (block,) = sim.bonds.blocks
+    seen = to_matrix(block.strain_increment)[:, :d, :d] / dt
+    strain = 0.5 * (sharp + sharp.transpose(0, 2, 1))
+    assert np.abs(seen - strain)[regular].max() < 1e-10 * np.abs(strain).max()
+
+
+@pytest.mark.parametrize(("scheme", "order", "error"), [(PointState, 2.0, 0.03), (SHARP, 4.0, 7e-4)])
+def test_order_of_waves(cloud, grid, scheme, order, error):
+    """Frequency of a P wave inside a grid, at 16 spacings to its length and in its order in the wave number."""
+    sim = cloud(grid(21, 21, spacing=SPACING), scheme=scheme)
+    p, middle = sim.particles, sim.particles.total // 2
+    errors = []
+    for cells in (8, 16):
+        k = 2.0 * np.pi / (cells * SPACING)
+        displacement = np.zeros_like(p.position)
+        displacement[:, 0] = np.cos(k * (p.position[:, 0] - p.position[middle, 0]))
+        square = apply_stiffness(sim, displacement)[middle, 0] / (SPACING**2 * STIFFNESS * k**2)
+        errors.append(abs(np.sqrt(square) - 1.0))
+    assert errors[1] < error
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.3)
+
+
+@pytest.mark.parametrize("counts", [(7, 5), (4, 4, 3)])
+@pytest.mark.parametrize("jitter", (0.0, 0.2))
+def test_the_sharpened_operator_is_symmetric_and_only_rigid_motion_is_free(cloud, grid, counts, jitter):
+    sim = cloud(grid(*counts, spacing=SPACING, jitter=jitter), scheme=SHARP)
+    p, d = sim.particles, len(counts)
+    units = np.eye(p.position.size).reshape(-1, *p.position.shape)
+    matrix = np.array([apply_stiffness(sim, unit).ravel() for unit in units])
+    assert np.abs(matrix - matrix.T).max() < 1e-13 * np.abs(matrix).max()
+    values = np.linalg.eigvalsh(0.5 * (matrix + matrix.T))
+    rigid = d * (d + 1) // 2
+    assert np.abs(values[:rigid]).max() < 1e-14 * values[-1]
+    assert values[rigid] > 1e-3 * values[-1]
+    sim.time_step.ratio, sim.time_step._calibrated_at = 1.0, 0.0
+    limit = 2.0 * np.sqrt(p.mass[0] / values[-1])
+    assert sim.time_step.choose(sim) == pytest.approx(sim.time_step.safety * limit, rel=0.03)
+
+
+def test_the_input_names_the_gradient(scene_of, started):
+    assert not started(scene_of(correspondence="point_state")).scheme.sharpened
+    assert started(scene_of(correspondence={"scheme": "point_state", "sharpened": True})).scheme.sharpened
+    with pytest.raises(InputError, match="'standard' has no option sharpened; leave it out, or choose point_state"):
+        parse_scene(scene_of(correspondence={"scheme": "standard", "sharpened": True}))
 
 
 @pytest.mark.parametrize("part", (1.0, 0.5))
