@@ -6,21 +6,17 @@ has the wrong sign (compaction would soften): here p_c = p_c,n exp(-dev/(lambda 
 plastic volumetric strain, tension positive.
 """
 
-import math
 from typing import ClassVar, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from periporo.core.jit import inlined, kernel
 from periporo.core.tensors import equivalent_shear, mean
 from periporo.materials.base import MaterialParameters
+from periporo.materials.cam_clay_return import advance, bonded_size, bonding_exponents
 from periporo.materials.protocol import StateField
 
-_KILOPASCAL = 1e3
 _PRESSURE, _DENSITY, _NUMBER, _VISCOSITY = ({"unit": u} for u in ("Pa", "kg/m^3", "1", "Pa^3 s"))
-_YIELD_TOLERANCE = 1e-11  # of p_c^2: a row that was returned before is not returned again
-_NEWTON_TOLERANCE = 1e-5  # of the stress: the last, quadratic step then leaves about its square
 
 PRECONSOLIDATION = StateField("preconsolidation", "Pa", merge="log_mean")
 BONDING = StateField("bonding", "1")
@@ -136,7 +132,7 @@ class CamClay(MaterialParameters):
         """
         if not dt > 0:
             raise ValueError(f"the time step must be positive (infinite: rate-independent limit), not {dt}")
-        _advance(
+        advance(
             self.bulk_modulus,
             self.shear_modulus,
             self.critical_state_slope,
@@ -169,7 +165,7 @@ class CamClay(MaterialParameters):
         size = -state_row[0]
         if self.unsaturated:
             b1, b2 = bonding_exponents(state_row[1], *self._bonding_parameters())
-            size = _bonded_size(size, b1, b2)
+            size = bonded_size(size, b1, b2)
         angle = np.linspace(0.0, np.pi, 181)
         return -0.5 * size * (1 + np.cos(angle)), 0.5 * self.critical_state_slope * size * np.sin(angle)
 
@@ -180,167 +176,3 @@ class UnsaturatedCamClay(CamClay):
     initial_bonding: float = Field(0.0, ge=0, description="xi at the start", json_schema_extra=_NUMBER)
 
     unsaturated: ClassVar[bool] = True
-
-
-@inlined
-def bonding_exponents(bonding, c1, c2, specific_volume, compression, swelling):
-    """b1, b2 of |p_c,bonded| = exp(b1) |p_c|^b2 in kPa (Borja 2004; Gallipoli et al. 2003).
-
-    The virgin line of bonded soil is v = c (N - lambda ln|p|) with c = 1 - c1 (1 - exp(c2 xi)); that both p_c
-    lie on one swelling line of slope kappa gives b1 = N (c - 1)/(lambda c - kappa) and b2 = (lambda - kappa)/
-    (lambda c - kappa).
-    """
-    c = 1.0 + c1 * math.expm1(c2 * bonding)
-    slope = compression * c - swelling
-    return specific_volume * (c - 1.0) / slope, (compression - swelling) / slope
-
-
-@inlined
-def _bonded_size(size, b1, b2):
-    return _KILOPASCAL * math.exp(b1) * (size / _KILOPASCAL) ** b2
-
-
-@inlined
-def _exponential(y):
-    """exp(y): the series where it is exact to rounding, for most steps are small and it is faster."""
-    if abs(y) < 1e-2:
-        return 1.0 + y * (1.0 + y / 2.0 * (1.0 + y / 3.0 * (1.0 + y / 4.0 * (1.0 + y / 5.0 * (1.0 + y / 6)))))
-    return math.exp(y)
-
-
-@inlined
-def _overstressed_scale(w, radius_squared, size_squared, overstress):
-    """Root of w^3 B + (V - P^2) w - V by Newton, started where w^2 B >= P^2.
-
-    The cubic is convex and increases there: after the first step the iterates fall monotonically.
-    """
-    constant = overstress - size_squared
-    for _ in range(100):
-        square = w * w * radius_squared
-        step = (w * (square + constant) - overstress) / (3.0 * square + constant)
-        w -= step
-        if abs(step) <= 1e-6 * w:
-            break
-    return w
-
-
-@inlined
-def _shear_scale(guess, u, u_slope, a2, size, hardening, overstress):
-    """q/q_trial = w <= 1 on the (overstressed) yield surface, and dw/dx; see `_return_to_yield`."""
-    radius_squared = u * u + a2
-    size_squared = size * size
-    if radius_squared <= size_squared:
-        return 1.0, 0.0
-    if overstress == 0.0:
-        inverse = 1.0 / math.sqrt(radius_squared)
-        w = size * inverse
-        return w, -inverse * (hardening + w * inverse * u * u_slope)
-    if not guess * abs(guess) * radius_squared > size_squared:
-        guess = size / math.sqrt(radius_squared)
-    w = _overstressed_scale(guess, radius_squared, size_squared, overstress)
-    square = w * w
-    curvature = 3.0 * square * radius_squared + overstress - size_squared
-    return w, -2.0 * w * (size * hardening + square * u * u_slope) / curvature
-
-
-@inlined
-def _return_to_yield(p_trial, a2, size_start, floor, bulk, c, stiffening, overstress):
-    """Plastic volumetric strain x, w = q/q_trial and new size P = |p_c| of a flowing row.
-
-    The unknown is x = dgamma d with d = df/dp = 2 p + P: p = p_trial - K x and P = P_n exp(-x/(lambda -
-    kappa)) follow from it without iteration. With u = d + c x, c = 6 mu/M^2 and a = 2 q_trial/M, flow in
-    shear is w = d/u, and the yield condition with overstress V = 4 eta/(c dt) is w^2 (u^2 + a^2) = P^2 +
-    V (1/w - 1), which gives w(x). What is left is T(x) = w u - d = 0. It is smooth, also at the critical
-    state (u = d = x = 0), and nearly linear; its root lies between 0 and the x that takes p to the middle of
-    the ellipse.
-    """
-    x, size, hardening = 0.0, size_start, size_start * stiffening
-    low, high = 0.0, (2.0 * p_trial + size_start) / (2.0 * bulk)
-    dilates = high > 0.0
-    w = 0.0
-    for iteration in range(200):
-        d = 2.0 * (p_trial - bulk * x) + size
-        d_slope = -2.0 * bulk - hardening
-        u, u_slope = d + c * x, d_slope + c
-        w, w_slope = _shear_scale(w, u, u_slope, a2, size, hardening, overstress)
-        residual = (w - 1.0) * d + w * c * x
-        step = -residual / (w_slope * u + (w - 1.0) * d_slope + w * c)
-        small = _NEWTON_TOLERANCE * min(size, size_start)
-        if abs(residual) <= small and abs(step * d_slope) <= small:
-            x += step
-            w += w_slope * step
-            size -= hardening * step * (1.0 - 0.5 * stiffening * step)
-            break
-        if (residual > 0.0) == dilates:
-            high = x
-        else:
-            low = x
-        new = x + step
-        if not (new - low) * (new - high) < 0.0 or iteration % 8 == 7:  # Newton may cycle: bisect
-            new = 0.5 * (low + high)
-        if new == x:
-            break
-        w += w_slope * (new - x)
-        x = new
-        size = size_start * _exponential(-stiffening * x)
-        hardening = size * stiffening
-        if size < floor:
-            size, hardening = floor, 0.0
-    return x, w, max(size, floor)
-
-
-@kernel
-def _advance(
-    bulk,
-    shear,
-    slope,
-    viscosity_rate,
-    minimum,
-    bonding_parameters,
-    stress,
-    strain_increment,
-    state,
-    bonding_column,
-    dissipation_column,
-):
-    components = stress.shape[1]
-    c = 6.0 * shear / slope**2
-    overstress = 4.0 * viscosity_rate / c
-    index = 1.0 / (bonding_parameters[3] - bonding_parameters[4])
-    for b in range(stress.shape[0]):
-        if dissipation_column >= 0:
-            state[b, dissipation_column] = 0.0
-        volumetric = strain_increment[b, 0] + strain_increment[b, 1] + strain_increment[b, 2]
-        lame = (bulk - 2.0 / 3.0 * shear) * volumetric
-        for k in range(3):
-            stress[b, k] += lame + 2.0 * shear * strain_increment[b, k]
-        p_trial = (stress[b, 0] + stress[b, 1] + stress[b, 2]) / 3.0
-        square = (stress[b, 0] - p_trial) ** 2 + (stress[b, 1] - p_trial) ** 2 + (stress[b, 2] - p_trial) ** 2
-        for k in range(3, components):
-            stress[b, k] += 2.0 * shear * strain_increment[b, k]
-            square += 2.0 * stress[b, k] ** 2
-        q_squared = 1.5 * square
-
-        unbonded = minimum if -state[b, 0] < minimum else -state[b, 0]  # keeps NaN, unlike max
-        size, floor, stiffening = unbonded, minimum, index
-        if bonding_column >= 0 and state[b, bonding_column] != 0.0:
-            b1, b2 = bonding_exponents(state[b, bonding_column], *bonding_parameters)
-            size, floor = _bonded_size(unbonded, b1, b2), _bonded_size(minimum, b1, b2)
-            stiffening = index * b2
-        if not q_squared / slope**2 + p_trial * (p_trial + size) > _YIELD_TOLERANCE * size * size:
-            continue
-
-        x, w, new_size = _return_to_yield(
-            p_trial, 4.0 * q_squared / slope**2, size, floor, bulk, c, stiffening, overstress
-        )
-        p = p_trial - bulk * x
-        for k in range(3):
-            stress[b, k] = p + w * (stress[b, k] - p_trial)
-        for k in range(3, components):
-            stress[b, k] *= w
-        if stiffening == index:
-            state[b, 0] = -new_size
-        else:
-            state[b, 0] = -max(unbonded * math.exp(-index * x), minimum)
-        if dissipation_column >= 0:
-            state[b, dissipation_column] = p * x + w * (1.0 - w) * q_squared / (3.0 * shear)

@@ -1,0 +1,240 @@
+"""Return mapping of viscoplastic modified Cam-Clay: many rows at once, and one by one where that is not enough."""
+
+import math
+
+import numpy as np
+
+from periporo.core import algebra as la
+from periporo.core.algebra import LANES
+from periporo.core.jit import inlined, kernel
+
+_KILOPASCAL = 1e3
+_YIELD_TOLERANCE = 1e-11  # of p_c^2: a row that was returned before is not returned again
+_NEWTON_TOLERANCE = 1e-5  # of the stress: the last, quadratic step then leaves about its square
+_SERIES = 1e-2  # largest exponent for which the series is exact to rounding
+_ROUNDS, _INNER_ROUNDS = 3, 2  # of Newton in vectors; in a flow nearly every row needs no more
+
+
+@inlined
+def bonding_exponents(bonding, c1, c2, specific_volume, compression, swelling):
+    """b1, b2 of |p_c,bonded| = exp(b1) |p_c|^b2 in kPa (Borja 2004; Gallipoli et al. 2003).
+
+    The virgin line of bonded soil is v = c (N - lambda ln|p|) with c = 1 - c1 (1 - exp(c2 xi)); that both p_c
+    lie on one swelling line of slope kappa gives b1 = N (c - 1)/(lambda c - kappa) and b2 = (lambda - kappa)/
+    (lambda c - kappa).
+    """
+    c = 1.0 + c1 * math.expm1(c2 * bonding)
+    slope = compression * c - swelling
+    return specific_volume * (c - 1.0) / slope, (compression - swelling) / slope
+
+
+@inlined
+def bonded_size(size, b1, b2):
+    """Size in Pa of the ellipse of bonded soil."""
+    return _KILOPASCAL * math.exp(b1) * (size / _KILOPASCAL) ** b2
+
+
+@inlined
+def _exponential(y):
+    """exp(y): the series where it is exact to rounding, for most steps are small and it is faster."""
+    return _series(y) if abs(y) < _SERIES else math.exp(y)
+
+
+@inlined
+def _series(y):
+    return 1.0 + y * (1.0 + y / 2.0 * (1.0 + y / 3.0 * (1.0 + y / 4.0 * (1.0 + y / 5.0 * (1.0 + y / 6)))))
+
+
+@inlined
+def _overstressed_scale(w, radius_squared, size_squared, overstress):
+    """Root of w^3 B + (V - P^2) w - V by Newton, started where w^2 B >= P^2.
+
+    The cubic is convex and increases there: after the first step the iterates fall monotonically.
+    """
+    constant = overstress - size_squared
+    for _ in range(100):
+        square = w * w * radius_squared
+        step = (w * (square + constant) - overstress) / (3.0 * square + constant)
+        w -= step
+        if abs(step) <= 1e-6 * w:
+            break
+    return w
+
+
+@inlined
+def _shear_scale(guess, u, u_slope, a2, size, hardening, overstress):
+    """q/q_trial = w <= 1 on the (overstressed) yield surface, and dw/dx; see `_return_to_yield`."""
+    radius_squared = u * u + a2
+    size_squared = size * size
+    if radius_squared <= size_squared:
+        return 1.0, 0.0
+    if overstress == 0.0:
+        inverse = 1.0 / math.sqrt(radius_squared)
+        w = size * inverse
+        return w, -inverse * (hardening + w * inverse * u * u_slope)
+    if not guess * abs(guess) * radius_squared > size_squared:
+        guess = size / math.sqrt(radius_squared)
+    w = _overstressed_scale(guess, radius_squared, size_squared, overstress)
+    square = w * w
+    curvature = 3.0 * square * radius_squared + overstress - size_squared
+    return w, -2.0 * w * (size * hardening + square * u * u_slope) / curvature
+
+
+@inlined
+def _return_to_yield(p_trial, a2, size_start, floor, bulk, c, stiffening, overstress):
+    """Plastic volumetric strain x, w = q/q_trial and new size P = |p_c| of a flowing row.
+
+    The unknown is x = dgamma d with d = df/dp = 2 p + P: p = p_trial - K x and P = P_n exp(-x/(lambda -
+    kappa)) follow from it without iteration. With u = d + c x, c = 6 mu/M^2 and a = 2 q_trial/M, flow in
+    shear is w = d/u, and the yield condition with overstress V = 4 eta/(c dt) is w^2 (u^2 + a^2) = P^2 +
+    V (1/w - 1), which gives w(x). What is left is T(x) = w u - d = 0. It is smooth, also at the critical
+    state (u = d = x = 0), and nearly linear; its root lies between 0 and the x that takes p to the middle of
+    the ellipse.
+    """
+    x, size, hardening = 0.0, size_start, size_start * stiffening
+    low, high = 0.0, (2.0 * p_trial + size_start) / (2.0 * bulk)
+    dilates = high > 0.0
+    w = 0.0
+    for iteration in range(200):
+        d = 2.0 * (p_trial - bulk * x) + size
+        d_slope = -2.0 * bulk - hardening
+        u, u_slope = d + c * x, d_slope + c
+        w, w_slope = _shear_scale(w, u, u_slope, a2, size, hardening, overstress)
+        residual = (w - 1.0) * d + w * c * x
+        step = -residual / (w_slope * u + (w - 1.0) * d_slope + w * c)
+        small = _NEWTON_TOLERANCE * min(size, size_start)
+        if abs(residual) <= small and abs(step * d_slope) <= small:
+            x += step
+            w += w_slope * step
+            size -= hardening * step * (1.0 - 0.5 * stiffening * step)
+            break
+        if (residual > 0.0) == dilates:
+            high = x
+        else:
+            low = x
+        new = x + step
+        if not (new - low) * (new - high) < 0.0 or iteration % 8 == 7:  # Newton may cycle: bisect
+            new = 0.5 * (low + high)
+        if new == x:
+            break
+        w += w_slope * (new - x)
+        x = new
+        size = size_start * _exponential(-stiffening * x)
+        hardening = size * stiffening
+        if size < floor:
+            size, hardening = floor, 0.0
+    return x, w, max(size, floor)
+
+
+@inlined
+def _return_tile(tile, bulk, c, overstress):
+    """`_return_to_yield` of all lanes at once: from p_trial, a^2, P_n, stiffening to x, w, P, and 1 where it is done.
+
+    A fixed number of Newton steps without a branch. A lane that has not arrived by then, leaves the ellipse or needs
+    more than the series of the exponential gives up.
+    """
+    for k in range(LANES):
+        p_trial, a2, size_start, stiffening = la.from_lane(tile, 0, k, (0.0, 0.0, 0.0, 0.0))
+        x, w, size = 0.0, 1.0, size_start
+        found = 1.0
+        for iteration in range(_ROUNDS):
+            hardening = size * stiffening
+            d = 2.0 * (p_trial - bulk * x) + size
+            d_slope = -2.0 * bulk - hardening
+            u, u_slope = d + c * x, d_slope + c
+            radius_squared, size_squared = u * u + a2, size * size
+            constant = overstress - size_squared
+            w = size / math.sqrt(radius_squared)
+            inner = 0.0
+            for _ in range(_INNER_ROUNDS):
+                square = w * w * radius_squared
+                inner = (w * (square + constant) - overstress) / (3.0 * square + constant)
+                w -= inner
+            square = w * w
+            w_slope = -2.0 * w * (size * hardening + square * u * u_slope) / (3.0 * square * radius_squared + constant)
+            residual = (w - 1.0) * d + w * c * x
+            step = -residual / (w_slope * u + (w - 1.0) * d_slope + w * c)
+            inside = radius_squared > size_squared and abs(inner) <= 1e-6 * w
+            found = found if inside else 0.0
+            if iteration == _ROUNDS - 1:
+                small = _NEWTON_TOLERANCE * min(size, size_start)
+                found = found if abs(residual) <= small and abs(step * d_slope) <= small else 0.0
+                size -= hardening * step * (1.0 - 0.5 * stiffening * step)
+                w += w_slope * step
+            x += step
+            exponent = -stiffening * x
+            found = found if abs(exponent) < _SERIES else 0.0
+            if iteration < _ROUNDS - 1:
+                size = size_start * _series(exponent)
+        high = (2.0 * p_trial + size_start) / (2.0 * bulk)
+        found = found if x * (x - high) <= 0.0 else 0.0
+        la.to_lane(tile, 4, k, (x, w, size, found))
+
+
+@inlined
+def _add_elastic(bulk, shear, b, stress, strain_increment):
+    """Trial stress of row b; its p and q^2."""
+    volumetric = strain_increment[b, 0] + strain_increment[b, 1] + strain_increment[b, 2]
+    lame = (bulk - 2.0 / 3.0 * shear) * volumetric
+    for k in range(3):
+        stress[b, k] += lame + 2.0 * shear * strain_increment[b, k]
+    p = (stress[b, 0] + stress[b, 1] + stress[b, 2]) / 3.0
+    square = (stress[b, 0] - p) ** 2 + (stress[b, 1] - p) ** 2 + (stress[b, 2] - p) ** 2
+    for k in range(3, stress.shape[1]):
+        stress[b, k] += 2.0 * shear * strain_increment[b, k]
+        square += 2.0 * stress[b, k] ** 2
+    return p, 1.5 * square
+
+
+@inlined
+def _bonded(unbonded, minimum, index, state, b, column, bonding_parameters):
+    """Size, floor and stiffening of row b, which are those of unbonded soil where there is no bonding."""
+    if column >= 0 and state[b, column] != 0.0:
+        b1, b2 = bonding_exponents(state[b, column], *bonding_parameters)
+        return bonded_size(unbonded, b1, b2), bonded_size(minimum, b1, b2), index * b2
+    return unbonded, minimum, index
+
+
+@kernel
+def advance(
+    bulk, shear, slope, viscosity_rate, minimum, bonding_parameters, stress, strain_increment, state, bonding_column,
+    dissipation_column,
+):  # fmt: skip
+    """Advance all rows of `CamClay.compute_stress`; a column that the state lacks is -1."""
+    c = 6.0 * shear / slope**2
+    overstress = 4.0 * viscosity_rate / c
+    index = 1.0 / (bonding_parameters[3] - bonding_parameters[4])
+    tile, rows, used = np.ones(8 * LANES), np.zeros(LANES, np.int64), 0
+    for b in range(stress.shape[0]):
+        if dissipation_column >= 0:
+            state[b, dissipation_column] = 0.0
+        p_trial, q_squared = _add_elastic(bulk, shear, b, stress, strain_increment)
+        unbonded = minimum if -state[b, 0] < minimum else -state[b, 0]  # keeps NaN, unlike max
+        size, floor, stiffening = _bonded(unbonded, minimum, index, state, b, bonding_column, bonding_parameters)
+        if q_squared / slope**2 + p_trial * (p_trial + size) > _YIELD_TOLERANCE * size * size:
+            la.to_lane(tile, 0, used, (p_trial, 4.0 * q_squared / slope**2, size, stiffening))
+            rows[used] = b
+            used += 1
+        if used < LANES and (b < stress.shape[0] - 1 or used == 0):
+            continue
+        _return_tile(tile, bulk, c, overstress)
+        for k in range(used):
+            b_k = rows[k]
+            p_trial, a2, size, stiffening = la.from_lane(tile, 0, k, (0.0, 0.0, 0.0, 0.0))
+            x, w, new_size, found = la.from_lane(tile, 4, k, (0.0, 0.0, 0.0, 0.0))
+            unbonded = minimum if -state[b_k, 0] < minimum else -state[b_k, 0]
+            _, floor, _ = _bonded(unbonded, minimum, index, state, b_k, bonding_column, bonding_parameters)
+            if found == 0.0 or new_size < floor:
+                x, w, new_size = _return_to_yield(p_trial, a2, size, floor, bulk, c, stiffening, overstress)
+            p = p_trial - bulk * x
+            for m in range(3):
+                stress[b_k, m] = p + w * (stress[b_k, m] - p_trial)
+            for m in range(3, stress.shape[1]):
+                stress[b_k, m] *= w
+            if stiffening == index:
+                state[b_k, 0] = -new_size
+            else:
+                state[b_k, 0] = -max(unbonded * math.exp(-index * x), minimum)
+            if dissipation_column >= 0:
+                state[b_k, dissipation_column] = p * x + w * (1.0 - w) * 0.25 * slope**2 * a2 / (3.0 * shear)
+        used = 0
