@@ -38,10 +38,10 @@ class Rows:
         source = np.full(n, -1, np.int64)
         self.stress, self.state = np.zeros((n, self.stress.shape[1])), np.zeros((n, self.columns))
         if self.carried is not None:
-            _match(*self.layout.keys(self, pairs), self.carried.ids, source)
-            kept = np.flatnonzero(source >= 0)
-            self.stress[kept] = self.carried.stress[source[kept]]
-            self.state[kept] = self.carried.state[source[kept]]
+            old = self.carried
+            _match(*self.layout.keys(self, pairs), old.ids, old.place, old.active, source)
+            _copy_rows(source, old.stress, self.stress)
+            _copy_rows(source, old.state, self.state)
             self.carried = None
         self.active = source >= 0
 
@@ -87,11 +87,18 @@ class Block(Rows):
 
 @dataclass
 class Carried:
-    """State of bonds on its way through a rebuild, sorted by the ids of the ends."""
+    """State of rows on its way through a rebuild, sorted by the ids of their ends, `ids`[`place`]."""
 
     ids: np.ndarray
+    place: np.ndarray
+    active: np.ndarray  # the others are dropped
     stress: np.ndarray
     state: np.ndarray
+
+    @classmethod
+    def of_active(cls, ids, stress, state) -> "Carried":
+        """Of rows that are all active, one for each of the `ids`."""
+        return cls(ids, np.arange(len(ids), dtype=np.uint32), np.ones(len(ids), bool), stress, state)
 
 
 class Bonds:
@@ -127,19 +134,16 @@ class Bonds:
         for block in self.blocks:
             block.peak_ids, block.peak[1] = self.peak_ends(block), -1.0
         for rows in self.carriers:
-            alive = np.flatnonzero(rows.active)
-            ids, place = rows.layout.keys(rows, self.pairs)
-            carried = Carried(ids[place[alive]], rows.stress[alive], rows.state[alive])
-            if comm.size > 1:
-                carried = self._share(comm, particles, owner, rows, alive, carried)
-            rows.carried = carried
+            carried = Carried(*rows.layout.keys(rows, self.pairs), rows.active, rows.stress, rows.state)
+            rows.carried = carried if comm.size == 1 else self._share(comm, particles, owner, rows, carried)
 
-    def _share(self, comm, particles, owner, held, alive, carried):
+    def _share(self, comm, particles, owner, held, carried):
+        alive = np.flatnonzero(carried.active)
         home = np.full(particles.total, comm.rank)
         home[: particles.owned] = owner
         place, first, second, _ = held.layout.holders(held, self.pairs)
         ends = home[first[place[alive]]], home[second[place[alive]]]
-        rows = pack([carried.ids, carried.stress, carried.state])
+        rows = pack([carried.ids[carried.place[alive]], carried.stress[alive], carried.state[alive]])
         moved = np.unique(owner[owner != comm.rank]).tolist()
         outgoing = {r: rows[(ends[0] == r) | (ends[1] == r)] for r in moved}
         arrived = exchange_rows(comm, outgoing, rows.shape[1])
@@ -151,7 +155,7 @@ class Bonds:
             fresh[1:] = (ids[order[1:]] != ids[order[:-1]]).any(axis=1)
             rows = rows[order[fresh]]
         components = carried.stress.shape[1]
-        return Carried(
+        return Carried.of_active(
             np.ascontiguousarray(rows[:, :2]).view(np.int64),
             np.ascontiguousarray(rows[:, 2 : 2 + components]),
             np.ascontiguousarray(rows[:, 2 + components :]),
@@ -272,15 +276,27 @@ def _merge(first, second, has_first, has_second, components, block):
 
 
 @kernel
-def _match(ids, pair, old_ids, source):
-    """For each row the place of its ids in the sorted `old_ids`, or -1; both lists are in id order."""
+def _match(ids, pair, old_ids, old_pair, old_active, source):
+    """For each row the active old row with the same ids, or -1; both lists are in id order."""
     k = 0
     for r in range(pair.shape[0]):
         lower, higher = ids[pair[r], 0], ids[pair[r], 1]
-        while k < old_ids.shape[0] and (old_ids[k, 0] < lower or (old_ids[k, 0] == lower and old_ids[k, 1] < higher)):
+        while k < old_pair.shape[0]:
+            i, j = old_ids[old_pair[k], 0], old_ids[old_pair[k], 1]
+            if i > lower or (i == lower and j >= higher):
+                if i == lower and j == higher and old_active[k]:
+                    source[r] = k
+                break
             k += 1
-        if k < old_ids.shape[0] and old_ids[k, 0] == lower and old_ids[k, 1] == higher:
-            source[r] = k
+
+
+@kernel
+def _copy_rows(source, old, new):
+    """Row source[r] of `old` becomes row r of `new`, where there is one."""
+    for r in range(source.shape[0]):
+        if source[r] >= 0:
+            for c in range(new.shape[1]):
+                new[r, c] = old[source[r], c]
 
 
 @kernel

@@ -50,14 +50,15 @@ def find_pairs(particles, rows: np.ndarray, group: np.ndarray, reach: float, cap
 def _cells(position, reach):
     """Cell indices (n, 3) and the number of cells along each axis; NaN positions share one cell."""
     n, d = position.shape
-    finite = np.where(np.isfinite(position), position, 0.0)
-    lower = finite.min(axis=0, initial=np.inf) if n else np.zeros(d)
-    extent = (finite.max(axis=0) - lower) if n else np.zeros(d)
+    finite = [np.where(np.isfinite(x), x, 0.0) for x in position.T]  # column by column: much quicker than along rows
+    lower = np.array([x.min() for x in finite]) if n else np.zeros(d)
+    extent = np.array([x.max() for x in finite]) - lower if n else np.zeros(d)
     # a few points flung far away must not blow up the grid: larger cells find the same pairs
     size = max(reach, float((np.prod(np.maximum(extent, reach)) / (4.0 * max(n, 1))) ** (1.0 / d)))
     cell = np.zeros((n, 3), np.int64)
-    cell[:, :d] = np.floor((finite - lower) / size)
-    return cell, cell.max(axis=0, initial=0) + 1
+    for a in range(d):
+        cell[:, a] = np.floor((finite[a] - lower[a]) / size)
+    return cell, np.array([c.max(initial=0) for c in cell.T]) + 1
 
 
 @kernel

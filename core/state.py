@@ -52,7 +52,7 @@ def own_rows(sim, held) -> Carried:
     index, first, _, _ = layout.holders(held, pairs)
     rows = np.flatnonzero(held.active & (first[index] < sim.particles.owned))
     ids, place = layout.keys(held, pairs)
-    return Carried(ids[place[rows]], held.stress[rows], held.state[rows])
+    return Carried.of_active(ids[place[rows]], held.stress[rows], held.state[rows])
 
 
 def memory(sim) -> dict:
@@ -131,7 +131,7 @@ def _sent(comm, columns, target):
 
 def _in_order(ids, stress, state) -> Carried:
     order = np.lexsort((ids[:, 1], ids[:, 0]))
-    return Carried(*(np.ascontiguousarray(a[order]) for a in (ids, stress, state)))
+    return Carried.of_active(*(np.ascontiguousarray(a[order]) for a in (ids, stress, state)))
 
 
 def install(sim, state: State) -> None:
