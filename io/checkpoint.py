@@ -211,7 +211,7 @@ def _share(file, rank, ranks):
     for k in range(sum(name.startswith("rows_") for name in file)):
         table = file[f"rows_{k}"]
         part = slice(_first_at_least(table["ids"], lower), _first_at_least(table["ids"], upper))
-        rows.append(Carried(*(table[name][part] for name in ("ids", "stress", "state"))))
+        rows.append(Carried.of_active(*(table[name][part] for name in ("ids", "stress", "state"))))
     return State(points, rows, json.loads(file.attrs["memory"]))
 
 

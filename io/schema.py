@@ -164,7 +164,7 @@ class TimeStep(SceneModel):
     fixed: Real | None = key(
         "a constant step in place of the bound's share", "s", default=None, ge=1e-15, le=1e3
     )
-    update: Integer = key("steps between updates of the bound", "steps", default=10, ge=1, le=10_000)
+    update: Integer = key("steps between updates of the bound", "steps", default=20, ge=1, le=10_000)
 
 
 class Output(SceneModel):

@@ -31,7 +31,7 @@ def test_space_and_defaults():
     assert (scene.horizon, scene.influence, scene.correspondence.scheme) == (2.2, "cubic", "bond_projected")
     assert scene.gravity is None and scene.seed == 0 and scene.checkpoint is None
     assert scene.bodies[0].jitter == 0.0 and scene.contacts[0].stiffness is None
-    assert (scene.time_step.safety, scene.time_step.update) == (0.8, 10)
+    assert (scene.time_step.safety, scene.time_step.update) == (0.8, 20)
     assert scene.monitor.energy_tolerance == 0.01 and scene.output.history_interval == 10
     assert scene.pore_water.water_density == 1000.0
     np.testing.assert_array_equal(scene.vector(scene.gravity), np.zeros(3))
