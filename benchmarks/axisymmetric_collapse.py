@@ -1,12 +1,14 @@
 """Cylinders of sand that collapse, against the measurements of Lube et al. (2004).
 
     python benchmarks/axisymmetric_collapse.py [--points 42000] [--aspects 1 2] [--stiffer 1] [--slope M] [--folder DIR]
+        [--figure FILE]
 
 A quarter of a cylinder, as in configs/axisymmetric_collapse.yaml, is run at heights of one and of two radii, with more
 than 40 000 points each (about an hour each), or with about as many as are given. Run-out is that of 99 % of the points
 that are bonded; "outermost" is that of the last of them. Runs that are finished are not repeated, interrupted ones go
-on; --walltime stops one in time, to be called again. --stiffer multiplies the moduli, --slope is another M. Exit
-status 1 if a run-out is more than 25 % from the measured one, 3 if a run has not come to its end.
+on; --walltime stops one in time, to be called again. --stiffer multiplies the moduli, --slope is another M, --figure
+draws the deposits. Exit status 1 if a run-out is more than 25 % from the measured one, 3 if a run has not come to its
+end.
 """
 
 import argparse
@@ -16,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+from study.cylinders import draw
 from study.laws import lube_axisymmetric_height, lube_axisymmetric_run_out
 
 from periporo.core.cli import main as periporo
@@ -111,8 +114,9 @@ def main():
     parser.add_argument("--walltime", type=float, help="s after which a run is stopped")
     parser.add_argument("--stiffer", type=float, default=1.0, help="factor of the moduli")
     parser.add_argument("--slope", type=float, help="slope M of the critical state line")
+    parser.add_argument("--figure", type=Path, help="file of the picture")
     arguments = parser.parse_args()
-    sound = True
+    sound, results = True, {}
     print("| " + " | ".join(COLUMNS) + " |\n" + "|---" * len(COLUMNS) + "|")
     for aspect in arguments.aspects:
         text = scene(aspect, arguments.points, arguments.stiffer, arguments.slope)
@@ -121,9 +125,12 @@ def main():
             sys.exit(status)
         if not is_finished(folder / RESULT):
             sys.exit(UNFINISHED)
-        m = measure(folder / RESULT)
+        results[aspect] = folder / RESULT
+        m = measure(results[aspect])
         print(line(aspect, m), flush=True)
         sound &= abs(m["run-out"] / float(lube_axisymmetric_run_out(aspect)) - 1.0) <= TOLERANCE
+    if arguments.figure:
+        draw(results, RADIUS, arguments.figure)
     sys.exit(0 if sound else 1)
 
 

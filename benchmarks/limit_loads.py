@@ -57,7 +57,7 @@ def main():
     parser.add_argument("--folder", type=Path, default=FIGURES, help="where the figures go")
     arguments = parser.parse_args()
     figure, axes = plt.subplots(1, 3, figsize=(14, 4.2), constrained_layout=True)
-    draw_footing(axes[0], (8, 16) if arguments.quick else (16, 32, 64))
+    draw_footing(axes[0], (8, 16) if arguments.quick else (12, 24, 48))
     rows, scheme = 10 if arguments.quick else 20, footing.flowing(SCHEME)
     cuts = [(f"γH/c = {n:g}", slopes.cut(n, rows, scheme)) for n in (3.5, 3.7, 3.8, 3.9, 4.1, 4.4)]
     draw_motion(axes[1], cuts, "vertical cut")

@@ -1,12 +1,13 @@
 """Spectra of the correspondence schemes: are they stable, and what costs no energy?
 
-    python benchmarks/stability.py [--quick] [--folder docs/figures]
+    python benchmarks/stability.py [--quick] [--scheme point_state] [--folder docs/figures]
 
 For a free elastic block the linear operator of each scheme is assembled by probing the program's own kernels with
 unit displacements, over influence function, horizon m, jitter and dimension. Of its eigenvalues omega^2 the table
 says: asymmetry, most negative and most complex one, growth rate over the highest frequency, motions without energy,
 lowest frequency of a motion that is not rigid, and the largest stable time step against the one the program takes.
-Writes stability.csv, stability.md and the plots stability_growth.png, stability_modes.png, stability_runs.png.
+Writes stability.csv, stability.md and the plots stability_growth.png, stability_modes.png, stability_runs.png; the
+figures of one scheme are only printed.
 """
 
 import argparse
@@ -149,12 +150,16 @@ def free_flight(scheme, counts, influence, m, jitter, steps):
     return 10 * np.arange(1, len(energies) + 1), np.array(energies)
 
 
-def write_tables(rows, folder):
-    """All rows as CSV, and the worst of each scheme as a table in Markdown."""
-    with open(folder / "stability.csv", "w", newline="") as file:
+def write_rows(rows, path):
+    """All rows as CSV."""
+    with open(path, "w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
         writer.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
+
+
+def table(rows):
+    """The worst of each scheme as a table in Markdown."""
     lines = [
         "| scheme | d | asymmetry | most negative | most complex | growth / ω_max | motions without energy | "
         "lowest ω / ω_max | stable Δt c_p/Δ | chosen / stable |",
@@ -173,8 +178,7 @@ def write_tables(rows, folder):
             f"{min(zero)}-{max(zero)} | {min(r['lowest'] for r in own):.1e} | {min(step):.2f}-{max(step):.2f} | "
             f"{min(ratio):.3f}-{max(ratio):.3f} |"
         )
-    (folder / "stability.md").write_text("\n".join(lines) + "\n")
-    print("\n".join(lines))
+    return "\n".join(lines)
 
 
 def plot_growth(plt, rows, path):
@@ -224,28 +228,37 @@ def main():
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="small blocks, few cases: a minute")
+    parser.add_argument("--scheme", choices=SCHEMES, help="only this one; what is written is left as it is")
     parser.add_argument("--folder", type=Path, default=Path(__file__).parent.parent / "docs" / "figures")
     arguments = parser.parse_args()
     arguments.folder.mkdir(parents=True, exist_ok=True)
     began, rows, spectra = time.perf_counter(), [], {}
+    chosen = SCHEMES if arguments.scheme is None else (arguments.scheme,)
     for scheme, counts, influence, m, jitter in cases(arguments.quick):
+        if scheme not in chosen:
+            continue
         sim = block(counts, scheme, influence, m, jitter)
         matrix = operator(sim)
         case = {"scheme": scheme, "dimension": len(counts), "influence": influence, "m": m, "jitter": jitter}
         rows.append(case | figures(sim, matrix))
         if (len(counts), influence, m, jitter) == (2, "cubic", 2.2, 0.0):
             spectra[scheme] = eigenvalues(matrix)
-    write_tables(rows, arguments.folder)
+    print(table(rows))
     steps = 2000 if arguments.quick else 20_000
     runs = {}
     for scheme, influence, m in RUNS:
-        runs[f"{scheme}, {influence}, m = {m}"] = free_flight(scheme, (14, 9), influence, m, 0.0, steps)
+        if scheme in chosen:
+            runs[f"{scheme}, {influence}, m = {m}"] = free_flight(scheme, (14, 9), influence, m, 0.0, steps)
     for label, (step, energy) in runs.items():
         print(f"free block, {label}: {step[-1]} steps, kinetic energy x {energy[-1]:.3g}, largest x {energy.max():.3g}")
+    print(f"{len(rows)} spectra in {time.perf_counter() - began:.0f} s")
+    if arguments.scheme is not None:
+        return
+    write_rows(rows, arguments.folder / "stability.csv")
+    (arguments.folder / "stability.md").write_text(table(rows) + "\n")
     plot_growth(plt, rows, arguments.folder / "stability_growth.png")
     plot_modes(plt, spectra, arguments.folder / "stability_modes.png")
     plot_runs(plt, runs, arguments.folder / "stability_runs.png")
-    print(f"{len(rows)} spectra in {time.perf_counter() - began:.0f} s, written to {arguments.folder}")
 
 
 if __name__ == "__main__":

@@ -105,7 +105,7 @@ def _bracket(name, found, exact, bounded=True):
 def vertical_cut(full=False, scheme="bond_projected"):
     """V21: vertical cut in undrained clay, weight over strength gamma H / c at failure: 3.776."""
     figures = []
-    for rows in (10, 20, 40) if full else (10,):
+    for rows in (10, 20, 30) if full else (10,):
         make = partial(cut, rows=rows, scheme=flowing(scheme))
         found = bisect(partial(moves, make, 1e-4), 3.4, 4.6, 0.01 if full else 0.03)
         figures += _bracket(f"{rows} points high", found, STABILITY)

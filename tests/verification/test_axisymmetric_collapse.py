@@ -34,6 +34,8 @@ def test_a_small_cylinder_collapses_to_rest_and_is_not_run_again(benchmark, tmp_
     assert m["kinetic"] < 1e-5 and m["time"] < 1.0
     before = result.stat().st_mtime_ns
     assert benchmark.run(text, tmp_path) == 0 and result.stat().st_mtime_ns == before
+    benchmark.draw({1.0: result}, benchmark.RADIUS, tmp_path / "cylinder.png")
+    assert (tmp_path / "cylinder.png").stat().st_size > 10_000
     assert benchmark.line(1.0, m).count("|") == len(benchmark.COLUMNS) + 1
 
 

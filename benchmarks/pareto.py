@@ -1,0 +1,288 @@
+"""Run time against error: which scheme, horizon, influence and time step are worth their cost?
+
+    python benchmarks/pareto.py [--quick] [--problem V5] [--folder docs/figures]
+
+Sweeps scheme x influence x m x spacing x safety of the time step over five problems: V5, plane P and S packets (error
+of the phase speed); V6, a manufactured solution on a grid and on a cloud (displacement, L2); V7, a column under its
+weight (settlement of the highest points); and the collapse of configs/column_collapse.yaml (how far from where they
+belong points come to rest, against the mean of the finest runs of two schemes). Time is processor time of
+the run with kernels compiled before; the least of some repetitions where a run is short. A run is on the front if none
+is as quick and more accurate. "Time / front" of a choice is its processor time over that of the quickest run with no
+larger error, the least over its spacings. Writes pareto_<problem>.csv, pareto.md and pareto.png. A problem that is run
+alone leaves the others' figures as they are.
+"""
+
+import argparse
+import csv
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from verification_cases import collapse, columns, manufactured, waves
+from verification_cases.common import P_SPEED, S_SPEED, owned
+
+REFERENCES = ("bond_projected", "point_state, sharpened")
+REPEATED_BELOW = 0.1  # s: shorter runs are timed three times
+SCHEMES = {
+    "bond_projected": "bond_projected",
+    "bond_projected, points": {"scheme": "bond_projected", "dilatation": "points"},
+    "point_state": "point_state",
+    "point_state, sharpened": {"scheme": "point_state", "sharpened": True},
+    "sub_horizon": "sub_horizon",
+    "standard": "standard",
+}
+MARKS = dict(zip(SCHEMES, "oDsP^x", strict=True))
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What a user may choose; the defaults are those of the program."""
+
+    scheme: str = "bond_projected"
+    influence: str = "cubic"
+    m: float = 2.2
+    safety: float = 0.8
+
+    @property
+    def correspondence(self) -> str | dict:
+        """The scheme with its options, as in the input file."""
+        return SCHEMES[self.scheme]
+
+    def keys(self) -> dict:
+        """The other keys of the input file."""
+        return {"influence": self.influence, "horizon": self.m, "time_step": {"safety": self.safety}}
+
+
+DEFAULT = Choice()
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run's choice and resolution (points over a length that belongs to the problem), its error and seconds."""
+
+    choice: Choice
+    resolution: float
+    error: float
+    seconds: float
+
+
+def wave_error(cells, choice):
+    """Root mean square of the relative errors of the phase speeds of P and S waves, `cells` to the wavelength."""
+    keys = choice.keys()
+    keys["safety"] = keys.pop("time_step")["safety"]
+    speeds = [waves.phase_speed(cells, shear, choice.correspondence, **keys) for shear in (False, True)]
+    return float(np.sqrt(np.mean((np.array(speeds) / [P_SPEED, S_SPEED] - 1.0) ** 2)))
+
+
+def grid_error(cells, choice):
+    """Relative error of the manufactured solution on a grid."""
+    return manufactured.solution_error(cells, 0.0, choice.correspondence, **choice.keys())
+
+
+def cloud_error(cells, choice):
+    """Relative error of the manufactured solution on a cloud of 10 % jitter."""
+    return manufactured.solution_error(cells, 0.1, choice.correspondence, **choice.keys())
+
+
+def settlement_error(rows, choice):
+    """Relative error of the settlement of the highest points of a column."""
+    return columns.settled(rows, choice.correspondence, **choice.keys())[1]
+
+
+def deposit(cells, choice):
+    """Quantiles (2, 200) of |x| and y of the soil at rest, in half-widths; `cells` to the width."""
+    sim = collapse.fallen(0.1 / cells, choice.correspondence, **choice.keys())
+    levels = (np.arange(200) + 0.5) / 200
+    quantiles = [np.quantile(np.abs(owned(sim, "position")[:, 0]), levels)]
+    return np.stack([*quantiles, np.quantile(owned(sim, "position")[:, 1], levels)]) / 0.05
+
+
+def distance(one, other):
+    """Mean distance of quantiles (2, n), that is of sorted positions."""
+    return float(np.sqrt((np.abs(one - other).mean(axis=1) ** 2).sum()))
+
+
+def choices(quick):
+    """What is swept in the problems that are quick to solve: influence and m, and the time step at their defaults."""
+    if quick:
+        return [Choice(s) for s in SCHEMES]
+    shapes = [(i, m) for i in ("cubic", "conical") for m in (1.8, 2.0, 2.2, 3.0)]
+    shapes += [("gaussian", 2.2), ("gaussian", 3.0)]
+    shapes += [("constant", 2.1), ("constant", 3.1)]  # it jumps at the horizon: lattice points must not lie there
+    found = [Choice(s, *shape) for s in SCHEMES for shape in shapes]
+    return found + [Choice(s, safety=safety) for s in SCHEMES for safety in (0.4, 0.95)]
+
+
+def sweep(resolutions, error, quick):
+    """Every choice at every resolution."""
+    for scheme in SCHEMES:
+        error(min(resolutions), Choice(scheme))  # compiles
+    for choice in choices(quick):
+        for resolution in resolutions:
+            yield measured(resolution, choice, error)
+
+
+def measured(resolution, choice, error):
+    """The run's error and processor time, the least of three if it is short."""
+    seconds = []
+    while not seconds or (len(seconds) < 3 and seconds[0] < REPEATED_BELOW):
+        began = time.process_time()
+        value = error(resolution, choice)
+        seconds.append(time.process_time() - began)
+    return Run(choice, resolution, value, min(seconds))
+
+
+def collapse_plan(quick):
+    """(cells, choice) of the collapse: all schemes, and around the defaults one thing at a time."""
+    if quick:
+        return [(10, Choice(s)) for s in ("bond_projected", "point_state")]
+    plan = [(n, Choice(s)) for n in (10, 14, 20) for s in SCHEMES if n < 20 or s != "sub_horizon"]
+    for scheme in REFERENCES:
+        others = [Choice(scheme, m=m) for m in (1.8, 3.0)] + [Choice(scheme, "conical")]
+        others += [Choice(scheme, safety=s) for s in (0.4, 0.95)]
+        plan += [(n, other) for n in (10, 14) for other in others]
+    return plan
+
+
+def compile_collapse(scheme):
+    """Compile all kernels, by the start of a collapse."""
+    start = [{"name": "settle", "type": "relax", "tolerance": 0.1, "boundaries": ["left", "right"]},
+             {"name": "fall", "type": "dynamics", "duration": 1e-3}]  # fmt: skip
+    collapse.fallen(0.01, SCHEMES[scheme], stages=start)
+
+
+def collapses(quick):
+    """The runs of the plan, against the mean of the finest runs of two schemes."""
+    finest, plan = 12 if quick else 28, collapse_plan(quick)
+    for scheme in {choice.scheme for _, choice in plan}:
+        compile_collapse(scheme)
+    references = [deposit(finest, Choice(s)) for s in REFERENCES]
+    print(f"collapse: the finest runs of the two schemes differ by {distance(*references):.4f} half-widths", flush=True)
+    reference = np.mean(references, axis=0)
+    for cells, choice in plan:
+        began = time.process_time()
+        error = distance(deposit(cells, choice), reference)
+        yield Run(choice, cells, error, time.process_time() - began)
+
+
+PROBLEMS = {
+    "V5": lambda quick: sweep((8, 12) if quick else (10, 20, 40), wave_error, quick),
+    "V6 grid": lambda quick: sweep((6, 8) if quick else (8, 16, 32), grid_error, quick),
+    "V6 cloud": lambda quick: sweep((6, 8) if quick else (8, 16, 32), cloud_error, quick),
+    "V7": lambda quick: sweep((6, 10) if quick else (10, 20, 40), settlement_error, quick),
+    "collapse": collapses,
+}
+
+
+def front(runs):
+    """The runs that none is as quick as and more accurate than, from the quickest on."""
+    found = []
+    for run in sorted(runs, key=lambda r: (r.seconds, r.error)):
+        if not found or run.error < found[-1].error:
+            found.append(run)
+    return found
+
+
+def excess(runs, choice):
+    """Processor time over that of the quickest run that is no less accurate: the least of the choice's spacings."""
+    own = [r for r in runs if r.choice == choice]
+    if not own:
+        return np.nan
+    return min(r.seconds / min(o.seconds for o in runs if o.error <= r.error) for r in own)
+
+
+def path_of(folder, problem):
+    """Where the runs of a problem are kept."""
+    return folder / f"pareto_{problem.replace(' ', '_')}.csv"
+
+
+def write_runs(path, runs):
+    """The runs as CSV, those of the front marked."""
+    best = front(runs)
+    with open(path, "w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["scheme", "influence", "m", "safety", "resolution", "error", "seconds", "front"])
+        for run in runs:
+            numbers = run.resolution, f"{run.error:.5g}", f"{run.seconds:.4g}", int(run in best)
+            writer.writerow([*asdict(run.choice).values(), *numbers])
+
+
+def read_runs(path):
+    """The runs of a file."""
+    with open(path, newline="") as file:
+        return [
+            Run(Choice(r["scheme"], r["influence"], float(r["m"]), float(r["safety"])), float(r["resolution"]),
+                float(r["error"]), float(r["seconds"])) for r in csv.DictReader(file)
+        ]  # fmt: skip
+
+
+def tables(found):
+    """Markdown: the fronts, and how far each choice is from them."""
+    lines = ["| problem | runs | scheme | influence | m | safety | resolution | error | seconds |", "|---" * 9 + "|"]
+    for name, runs in found.items():
+        for k, r in enumerate(front(runs)):
+            c = r.choice
+            start = f"| {name} | {len(runs)} " if k == 0 else "| | "
+            words = f"{c.scheme} | {c.influence} | {c.m} | {c.safety}"
+            lines.append(f"{start}| {words} | {r.resolution:g} | {r.error:.2e} | {r.seconds:.3g} |")
+    every = list(dict.fromkeys(r.choice for runs in found.values() for r in runs))
+    ratios = {c: np.array([excess(runs, c) for runs in found.values()]) for c in every}
+    complete = {c: float(np.exp(np.log(r).mean())) for c, r in ratios.items() if np.isfinite(r).all()}
+    ranked = sorted(complete, key=complete.get)
+    shown = ranked[:12] + [c for c in ranked[12:] if c == DEFAULT or c == Choice(c.scheme)]
+    lines += ["", f"| place of {len(ranked)} | scheme | influence | m | safety | " + " | ".join(found) + " | mean |",
+              "|---" * (6 + len(found)) + "|"]  # fmt: skip
+    for c in shown:
+        values = " | ".join(f"{r:.2f}" for r in ratios[c])
+        words = f"{c.scheme} | {c.influence} | {c.m} | {c.safety}"
+        lines.append(f"| {ranked.index(c) + 1} | {words} | {values} | {complete[c]:.2f} |")
+    return lines
+
+
+def draw(found, path):
+    """Error against seconds: all runs, the front, and the defaults."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(2, 3, figsize=(13, 8), layout="constrained")
+    for ax, (name, runs) in zip(axes.flat, found.items(), strict=False):
+        for scheme, mark in MARKS.items():
+            own = [r for r in runs if r.choice.scheme == scheme]
+            ax.plot([r.seconds for r in own], [r.error for r in own], mark, ms=4, mfc="none", alpha=0.6, label=scheme)
+        best = front(runs)
+        ax.plot([r.seconds for r in best], [r.error for r in best], "k-", lw=1, label="front")
+        own = [r for r in runs if r.choice == DEFAULT]
+        ax.plot([r.seconds for r in own], [r.error for r in own], "r*-", ms=9, lw=0.7, label="defaults")
+        ax.set(xscale="log", yscale="log", title=name, xlabel="processor time, s", ylabel="error")
+    for ax in axes.flat[len(found) :]:
+        ax.set_axis_off()
+    figure.legend(*axes.flat[0].get_legend_handles_labels(), loc="lower right", fontsize=11)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def main(arguments=None):
+    """Run, write, draw."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="few and small runs: a minute")
+    parser.add_argument("--problem", choices=PROBLEMS, help="only this one")
+    parser.add_argument("--folder", type=Path, default=Path(__file__).parent.parent / "docs" / "figures")
+    arguments = parser.parse_args(arguments)
+    arguments.folder.mkdir(parents=True, exist_ok=True)
+    for name in [arguments.problem] if arguments.problem else PROBLEMS:
+        began = time.perf_counter()
+        runs = list(PROBLEMS[name](arguments.quick))
+        write_runs(path_of(arguments.folder, name), runs)
+        print(f"{name}: {len(runs)} runs in {time.perf_counter() - began:.0f} s", flush=True)
+    found = {n: read_runs(path_of(arguments.folder, n)) for n in PROBLEMS if path_of(arguments.folder, n).exists()}
+    lines = tables(found)
+    (arguments.folder / "pareto.md").write_text("\n".join(lines) + "\n")
+    print("\n".join(lines))
+    draw(found, arguments.folder / "pareto.png")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,64 @@
+"""The study of run time against error, `benchmarks/pareto.py`, on very few and small runs."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from periporo.io.schema import SceneInput
+
+_FOLDER = Path(__file__).parents[2] / "benchmarks"
+
+
+@pytest.fixture(scope="module")
+def pareto():
+    """The benchmark, which belongs to the checkout and imports its neighbours."""
+    sys.path.insert(0, str(_FOLDER))
+    spec = importlib.util.spec_from_file_location("pareto", _FOLDER / "pareto.py")
+    module = sys.modules.setdefault("pareto", importlib.util.module_from_spec(spec))
+    spec.loader.exec_module(module)
+    yield module
+    sys.path.remove(str(_FOLDER))
+
+
+def runs_of(pareto, *rows):
+    return [pareto.Run(pareto.Choice(scheme), n, error, seconds) for scheme, n, error, seconds in rows]
+
+
+def test_front_and_excess(pareto):
+    runs = runs_of(pareto, ("a", 1, 0.4, 1.0), ("a", 2, 0.1, 8.0), ("b", 1, 0.5, 1.5), ("b", 2, 0.1, 4.0),
+                   ("c", 1, 0.2, 2.0), ("c", 2, 0.15, 30.0))  # fmt: skip
+    assert [(r.choice.scheme, r.resolution) for r in pareto.front(runs)] == [("a", 1), ("c", 1), ("b", 2)]
+    assert pareto.excess(runs, pareto.Choice("a")) == 1.0
+    assert pareto.excess(runs[:2] + runs[3:], pareto.Choice("c")) == 1.0
+    assert pareto.excess([runs[1], runs[3]], pareto.Choice("a")) == 2.0
+    assert np.isnan(pareto.excess(runs, pareto.Choice("d")))
+
+
+def test_defaults_are_those_of_the_program(pareto):
+    fields = SceneInput.model_fields
+    assert fields["horizon"].default == pareto.DEFAULT.m and fields["influence"].default == pareto.DEFAULT.influence
+    assert fields["correspondence"].get_default(call_default_factory=True).scheme == pareto.DEFAULT.scheme
+    assert fields["time_step"].get_default(call_default_factory=True).safety == pareto.DEFAULT.safety
+
+
+def test_a_sweep_is_written_read_and_drawn(pareto, tmp_path, monkeypatch):
+    monkeypatch.setattr(pareto, "choices", lambda quick: [pareto.DEFAULT, pareto.Choice("point_state, sharpened")])
+    monkeypatch.setattr(pareto, "SCHEMES", {k: pareto.SCHEMES[k] for k in ("bond_projected", "point_state, sharpened")})
+    pareto.main(["--quick", "--problem", "V6 grid", "--folder", str(tmp_path)])
+    runs = pareto.read_runs(tmp_path / "pareto_V6_grid.csv")
+    assert [r.resolution for r in runs] == [6, 8, 6, 8] and all(r.seconds > 0.0 for r in runs)
+    errors = {(r.choice.scheme, r.resolution): r.error for r in runs}
+    assert errors["bond_projected", 8] < errors["bond_projected", 6] < 0.6
+    assert errors["point_state, sharpened", 8] < 0.3 * errors["bond_projected", 8]
+    table = (tmp_path / "pareto.md").read_text()
+    assert "| V6 grid | 4 | " in table and "| bond_projected | cubic | 2.2 | 0.8 |" in table
+    assert (tmp_path / "pareto.png").stat().st_size > 10_000
+
+
+def test_errors_of_waves_and_deposits(pareto):
+    assert 0.02 < pareto.wave_error(10, pareto.DEFAULT) < 0.06
+    one = np.stack([np.linspace(0.0, 2.0, 200), np.linspace(0.0, 1.0, 200)])
+    assert pareto.distance(one, one + np.array([[0.3], [0.4]])) == pytest.approx(0.5)
