@@ -18,6 +18,7 @@ from periporo.core.probes import Probes
 from periporo.core.reductions import quantile
 from periporo.core.scene import build, vertical_axis
 from periporo.core.scene_source import naming, read_everywhere
+from periporo.core.state import StateError
 from periporo.core.state import resume as resume_from
 from periporo.core.watchdog import Watchdog
 from periporo.io import checkpoint
@@ -67,7 +68,7 @@ def run(
             sim.guards = [watchdog, keeper]  # in this order: no checkpoint of a state that is taken back
             if not jit.CACHE_IS_WARM:
                 progress.message("compiling kernels (once, about half a minute)")
-            sim.start() if state is None else resume_from(sim, state)
+            _start(sim, target) if state is None else _go_on(sim, state, target)
             progress.message(f"ready after {time.monotonic() - began:.1f} s")
             sim.timing.reset()
             sim.halo.reset_counters()
@@ -97,6 +98,24 @@ def _target(scene, source, file) -> Path:
 
 def _how_to_resume(source) -> str:
     return f"periporo {source} --resume" if isinstance(source, str | Path) else "run(..., resume=True)"
+
+
+def _start(sim, target):
+    try:
+        sim.start()
+    except InputError:  # seen only now, for example that nothing limits the time step: as if it had not begun
+        everywhere(sim.comm, target.unlink)
+        raise
+
+
+def _go_on(sim, state, target):
+    try:
+        resume_from(sim, state)
+    except StateError as error:
+        raise OutputError(
+            f"cannot resume {target}: the checkpoint does not fit this version of periporo, {error}; go on with the "
+            "version that wrote it, or start anew with --overwrite"
+        ) from None
 
 
 def everywhere(comm, function, *arguments):
@@ -157,7 +176,7 @@ def _state_to_resume(scene, target, comm, message):
     paths, damage = everywhere(comm, checkpoint.existing, target), None
     for path in paths:
         try:
-            state = checkpoint.read(path, comm, _fingerprint(scene))
+            state = checkpoint.read(path, comm, _fingerprint(scene), message)
         except checkpoint.CheckpointError as error:
             message(str(error))
             damage = error

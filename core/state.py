@@ -67,7 +67,14 @@ def memory(sim) -> dict:
 
 
 def recall(sim, memory: dict) -> None:
-    """Give every part its memory back."""
+    """Give every part its memory back. Raises StateError if something is not there."""
+    try:
+        _recall(sim, memory)
+    except KeyError as name:
+        raise StateError(f"it does not remember {name}") from None
+
+
+def _recall(sim, memory):
     sim.recall(memory["simulation"])
     sim.time_step.recall(memory["time_step"])
     sim.stages[sim.stage_number].recall(sim, memory["stage"])
@@ -86,8 +93,14 @@ def _remembering_contacts(sim):
 def resume(sim, state: State) -> None:
     """Put a simulation that was built, but not started, into a state that was read from a file.
 
-    Raises StateError if the state does not belong to this scene.
+    Raises StateError if the state does not belong to this scene, or to this version of the program.
     """
+    if set(state.points) != set(point_fields(sim)):
+        differing = ", ".join(sorted(set(state.points) ^ set(point_fields(sim))))
+        raise StateError(f"it has other fields of the points ({differing})")
+    widths = [rows.state.shape[1] for rows in state.rows]
+    if widths != [held.columns for held in sim.bonds.carriers]:
+        raise StateError("it has other state variables of the materials")
     sim.bonds.initial_stress = None  # a row without a past is a point that lands
     install(sim, distributed(sim, state))
     sim.ledger = Ledger(sim.comm, sim.particles, state.memory["simulation"]["initial_kinetic"])

@@ -14,6 +14,7 @@ from periporo.core import algebra as la
 from periporo.core.jit import kernel
 from periporo.core.reductions import exact_sum, maximum
 from periporo.io.geometry import uniform
+from periporo.io.input_errors import InputError, Problem
 
 _LANCZOS_STEPS = 12
 _DRIFT = 0.1  # relative change of the local estimate after which the ratio is measured again
@@ -54,7 +55,8 @@ class StableTimeStep:
         if local == 0.0 and sim.dt > 0.0:
             return sim.dt  # every point flies freely: go on as before
         if local == 0.0:
-            raise ValueError("time_step: no point has a bond or a contact, so nothing limits it; set 'fixed'")
+            message = "no point has a bond or a contact, so nothing limits the step; give a fixed one"
+            raise InputError("scene", [Problem(("time_step", "fixed"), message)])
         return self.reduction * self.safety * 2.0 / (self.ratio * local)
 
     def memory(self) -> dict:

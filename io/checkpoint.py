@@ -15,8 +15,12 @@ import h5py
 import numpy as np
 
 from periporo.core.bonds import Carried
+from periporo.core.jit import CACHE_FOLDER
 from periporo.core.state import State, memory, own_rows, point_fields
 from periporo.io.vtkhdf import OutputError
+
+PROGRAM = CACHE_FOLDER.name
+"""What wrote a checkpoint: version of the sources and kind of processor, on which bits may depend."""
 
 _BLOCK = 32_768  # ids whose points, or whose rows, rank 0 gathers at once
 _CHUNK = 16_384  # rows
@@ -57,7 +61,8 @@ def write(sim, target: Path, configuration: str, keep: int) -> Path:
     """
     comm, p, path = sim.comm, sim.particles, path_of(target, sim.step_number)
     file = _Writer(comm, path)
-    file.begin({"memory": json.dumps(memory(sim)), "configuration": configuration, "step": sim.step_number})
+    file.begin({"memory": json.dumps(memory(sim)), "configuration": configuration, "step": sim.step_number,
+                "program": PROGRAM})  # fmt: skip
     n = p.owned
     file.put("points", p.id[:n], {name: getattr(p, name)[:n] for name in point_fields(sim)})
     for held in sim.bonds.carriers:
@@ -128,7 +133,8 @@ class _Writer:
                 failure = f"cannot write the checkpoint {self.path}: {os.strerror(number) if number else error}"
         failure = self.comm.bcast(failure)
         if failure is not None:
-            self._give_up()
+            if self.comm.rank == 0:
+                self._give_up()
             raise OutputError(failure)
 
     # On rank 0 only
@@ -156,9 +162,9 @@ class _Writer:
         sync(self.path.absolute().parent)
 
     def _give_up(self):
-        if self._file is not None:
-            file, self._file = self._file, None
-            with contextlib.suppress(OSError, RuntimeError):  # what went wrong is reported already
+        with contextlib.suppress(OSError, RuntimeError):  # what went wrong is reported already
+            if self._file is not None:
+                file, self._file = self._file, None
                 file.close()
             self._partial.unlink(missing_ok=True)
 
@@ -172,16 +178,18 @@ def sync(path: Path) -> None:
         os.close(handle)
 
 
-def read(path: Path, comm, configuration: str) -> State:
+def read(path: Path, comm, configuration: str, message=print) -> State:
     """This rank's share of the points and rows in a checkpoint; collective.
 
-    `configuration` is that of the run that wants to go on. On all ranks alike raises CheckpointError if the file is
+    `configuration` is that of the run that wants to go on; `message` is told if another version wrote the file. On all
+    ranks alike raises CheckpointError if the file is
     damaged, OutputError if it belongs to another scene.
     """
-    state, failure, foreign = None, None, None
+    state, failure, foreign, program = None, None, None, PROGRAM
     try:
         with h5py.File(path, "r", locking=False) as file:
             foreign = _difference(file, configuration)
+            program = file.attrs.get("program")
             if foreign is None:
                 state = _share(file, comm.rank, comm.size)
     except (OSError, RuntimeError, KeyError, ValueError) as error:
@@ -191,6 +199,9 @@ def read(path: Path, comm, configuration: str) -> State:
         raise CheckpointError(f"checkpoint {path}: {failure}")
     if foreign is not None:
         raise OutputError(f"cannot resume from {path}: {foreign}; put it back, or start anew with --overwrite")
+    if program != PROGRAM:
+        message(f"{path.name} is of another version of periporo, or of another kind of processor: the run goes on, "
+                "but not to the last bit as if it had not been interrupted")  # fmt: skip
     return state
 
 

@@ -20,6 +20,7 @@ import h5py
 import numpy as np
 
 from periporo.core.tensors import COMPONENTS
+from periporo.io.lock import Lock, Locked
 
 _CHUNK_ROWS = 8192
 _BLOCK = 64 * _CHUNK_ROWS  # rows of the topology made at once
@@ -58,13 +59,21 @@ class ResultFile:
         folder = self.path.absolute().parent
         if not folder.is_dir():
             raise OutputError(f"cannot write {self.path}: the folder {folder} does not exist")
+        if resume_step is None and self.path.exists() and not overwrite:
+            raise OutputError(f"{self.path} exists; use --overwrite to replace it, --resume to go on with "
+                              "its run, or choose another output file")
+        self._lock = _locked(self.path)
+        try:
+            self._open(resume_step)
+        except BaseException:
+            self._lock.release()
+            raise
+
+    def _open(self, resume_step):
         if resume_step is not None:
             self._file = _reopen(self.path)
             self._check_same_layout()
             self._truncate(resume_step)
-        elif self.path.exists() and not overwrite:
-            raise OutputError(f"{self.path} exists; use --overwrite to replace it, --resume to go on with "
-                              "its run, or choose another output file")
         else:
             self._file = _create(self.path)
             self._lay_out()
@@ -158,12 +167,15 @@ class ResultFile:
         self._file.flush()
 
     def close(self):
-        """Flush, close, and give back the space that was reserved and not used."""
-        self._file.flush()
-        size = self._file.id.get_filesize()
-        self._file.close()
-        if os.path.getsize(self.path) > size:
-            os.truncate(self.path, size)
+        """Flush, close, give back the space that was reserved and not used, and let others in."""
+        try:
+            self._file.flush()
+            size = self._file.id.get_filesize()
+            self._file.close()
+            if os.path.getsize(self.path) > size:
+                os.truncate(self.path, size)
+        finally:
+            self._lock.release()
 
     def _reserve(self, added, extra=0):
         """Reserve disk space for the datasets of `added` to grow to the given rows, and `extra` bytes."""
@@ -234,6 +246,14 @@ class ResultFile:
             kept = int(np.searchsorted(history["step"][:whole], step, side="right"))
             for dataset in history.values():
                 dataset.resize(kept, axis=0)
+
+
+def _locked(path):
+    try:
+        return Lock(path)
+    except Locked as holder:
+        raise OutputError(f"{path} is being written by another run ({holder}); wait for its end, or choose another "
+                          "output file") from None
 
 
 def _create(path):

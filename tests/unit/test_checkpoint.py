@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from periporo.core import interrupt
 from periporo.core.interrupt import Interrupted, Keeper, Signals
-from periporo.core.state import capture, install, point_fields
+from periporo.core.state import StateError, capture, install, point_fields, resume
 from periporo.io import checkpoint
 from periporo.io.vtkhdf import OutputError
 
@@ -137,6 +137,23 @@ def test_damage_and_another_scene_are_told_apart(sim, tmp_path):
         checkpoint.read(path, MPI.COMM_SELF, json.dumps({"gravity": 1, "spacing": 2}))
 
 
+def test_another_versions_checkpoint_is_told_and_refused_where_it_does_not_fit(sim, tmp_path):
+    path = checkpoint.write(sim, tmp_path / "run.h5", "{}", keep=1)
+    said = []
+    state = checkpoint.read(path, MPI.COMM_SELF, "{}", said.append)
+    assert not said
+    with h5py.File(path, "r+") as file:
+        file.attrs["program"] = "0123456789abcdef"
+    checkpoint.read(path, MPI.COMM_SELF, "{}", said.append)
+    assert len(said) == 1 and path.name in said[0] and "not to the last bit" in said[0]
+    del state.memory["time_step"]["ratio"]
+    with pytest.raises(StateError, match="it does not remember 'ratio'"):
+        resume(sim, state)
+    state.points["spin"] = state.points.pop("work")
+    with pytest.raises(StateError, match=r"other fields of the points \(spin, work\)"):
+        resume(sim, state)
+
+
 def test_a_lost_folder_is_a_clear_error(sim, tmp_path):
     with pytest.raises(OutputError, match="cannot write the checkpoint .*gone/run.checkpoint-.*: No such file"):
         checkpoint.write(sim, tmp_path / "gone" / "run.h5", "{}", keep=1)
@@ -155,3 +172,10 @@ def test_a_state_put_back_goes_on_to_the_last_bit(sim):
     for name, values in first.items():
         n = sim.particles.owned
         assert np.array_equal(values[:n], getattr(sim.particles, name)[:n]), name
+
+
+def test_what_cannot_take_its_place_is_swept_away(sim, tmp_path):
+    checkpoint.path_of(tmp_path / "run.h5", sim.step_number).mkdir()
+    with pytest.raises(OutputError, match="cannot write the checkpoint .*: Is a directory"):
+        checkpoint.write(sim, tmp_path / "run.h5", "{}", keep=1)
+    assert not list(tmp_path.glob("*.partial"))

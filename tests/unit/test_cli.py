@@ -141,6 +141,8 @@ BAD = {
         {"boundaries": {"wall": {"where": {"lower": [9.0, None]}, "fix": ["x"]}},
          "stages": [{"name": "a", "type": "dynamics", "duration": 1e-3, "boundaries": ["wall"]}]}, ["wall"]),
     "unknown field": ({"output": {"fields": ["stres"]}}, ["stres", "stress"]),
+    "a point alone in the air": ({"bodies": [body(lower=(0.0, 1.0), upper=(0.01, 1.01))]},
+                                 ["time_step.fixed", "no point has a bond"]),
     "path out of the folder": ({"output": {"file": "../scene.h5"}}, ["../scene.h5"]),
 }  # fmt: skip
 

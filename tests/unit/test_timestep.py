@@ -6,6 +6,7 @@ import pytest
 from periporo.contact.rigid import RigidContact
 from periporo.contact.surfaces import Plane
 from periporo.core.timestep import StableTimeStep, apply_stiffness, highest_frequency, local_frequency
+from periporo.io.input_errors import InputError
 from periporo.materials.elastic import Elastic
 
 SPACING = 0.01
@@ -114,7 +115,7 @@ def test_fixed_step_is_taken_as_it_is(cloud, grid):
 
 
 def test_nothing_to_limit_the_step_is_an_error_that_says_what_to_do(cloud):
-    with pytest.raises(ValueError, match="no point has a bond or a contact.*set 'fixed'"):
+    with pytest.raises(InputError, match="time_step.fixed: no point has a bond or a contact"):
         cloud(np.array([[0.0, 0.0], [1.0, 0.0]]))
 
 
