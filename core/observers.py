@@ -187,6 +187,7 @@ class Callback(Observer):
 
 
 def _imbalance(sim) -> float:
-    """Pairs of the rank that has most, over the mean of all ranks."""
+    """Pairs of the rank that has most, over the mean of all ranks; 1 if there are none."""
     pairs = float(len(sim.bonds.pairs.first))
-    return maximum(sim.comm, pairs) * sim.comm.size / sim.comm.allreduce(pairs)
+    total = sim.comm.allreduce(pairs)
+    return maximum(sim.comm, pairs) * sim.comm.size / total if total else 1.0
