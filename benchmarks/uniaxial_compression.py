@@ -6,7 +6,8 @@ Example 1 of Menon & Song (2022, section 4.1): quasi-static and dynamic, by ever
 of its own below DIR, as an ordinary scene. What is finished is skipped, what was interrupted goes on. Then the
 pictures and the table uniaxial_compression.md in docs/figures are made from the cases that are there; --draw does
 only that. --quick runs 1100 points and leaves pictures and table in DIR. --only takes the cases whose name matches
-a pattern such as 'static-*'. Exit status 1 if a stable scheme fails or oscillates more than it may.
+a pattern such as 'static-*'. Exit status 1 if a stable scheme fails, or oscillates more than a twentieth of `standard`
+with the constant influence of the publication.
 """
 
 import argparse
@@ -248,7 +249,7 @@ def table(done: dict[Case, Measured]) -> tuple[list[str], bool]:
         if stable and reference is not None:
             ratio = oscillation(case, reference) / value
             times = f"{ratio:.0f}"
-            sound &= bool(ratio >= TIMES_LOWER)
+            sound &= bool(ratio >= TIMES_LOWER) or case.influence != "constant"
         sound &= not (stable and m.failed)
         mean, end = inner(m).mean() / case.stress, ""
         if m.failed:

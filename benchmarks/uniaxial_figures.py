@@ -62,14 +62,15 @@ def _block(ax, case, measured):
 
 def _blocks(chosen, path):
     """Figures 6 and 7, or 9 and 10: schemes by rows, horizons by columns."""
-    horizons = sorted({c.horizon for c in chosen})
+    schemes, horizons = [s for s in SCHEMES if any(c.scheme == s for c in chosen)], sorted({c.horizon for c in chosen})
+    rows, columns = len(schemes), len(horizons)
     figure, grid = plt.subplots(
-        len(SCHEMES), len(horizons), figsize=(4.6 * len(horizons) + 1, 6.8), layout="constrained", squeeze=False
+        rows, columns, figsize=(4.6 * columns + 1, 1.7 * rows), layout="constrained", squeeze=False
     )
     for case, measured in chosen.items():
-        ax = grid[SCHEMES.index(case.scheme), horizons.index(case.horizon)]
+        ax = grid[schemes.index(case.scheme), horizons.index(case.horizon)]
         image = _block(ax, case, measured)
-        ax.set_title(f"{case.scheme}, {_nominal(case)}")
+        ax.set_title(f"{case.scheme}, {_nominal(case)}" + (" (pressed, no equilibrium)" if measured.failed else ""))
     figure.colorbar(image, ax=grid, label="axial stress, kPa", extend="both")
     _save(figure, path)
 
