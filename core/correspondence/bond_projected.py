@@ -31,6 +31,7 @@ from periporo.core.correspondence.influence import influence_table, support
 from periporo.core.correspondence.moments import update_neighbourhoods
 from periporo.core.correspondence.springs import add_spring
 from periporo.core.jit import inlined, kernel
+from periporo.core.reductions import any_rank
 from periporo.core.rows import BOTH, FIRST, PairRows
 from periporo.core.vectors import add_row
 
@@ -75,7 +76,7 @@ class BondProjected:
         """
         p, pairs = particles, bonds.pairs
         crossed, degenerate = update_neighbourhoods(p, pairs, self.horizon, self.table, dt)
-        self._exchange(p, bonds, halo)
+        self._exchange(p, bonds, halo, crossed or degenerate or self._degenerate)
         degenerate += int((p.share[p.owned :, 1] == 0.0).sum())
         if crossed or degenerate or self._degenerate:  # otherwise every row is as active as it was
             bonds.admit_newborn(p, material_dt)
@@ -87,11 +88,15 @@ class BondProjected:
                 p.dim,
             )  # fmt: skip
 
-    def _exchange(self, p, bonds, halo):
-        if halo.comm.size > 1:
+    def _exchange(self, p, bonds, halo, changed):
+        """Tell the ghosts; of the averages only where a row may be newborn, since bonds have `changed` somewhere."""
+        if halo.comm.size == 1:
+            return
+        averages = []
+        if any_rank(halo.comm, bool(changed)):
             bonds.average(p, halo.boundary_rows)
             averages = [b.average for b in bonds.blocks]
-            halo.update(p, "share", "shape_inverse", "gradient", *averages)
+        halo.update(p, "share", "shape_inverse", "gradient", *averages)
 
     def internal_force(self, particles, bonds, halo, force: np.ndarray) -> None:
         """Fill `force` (total, d) N with the internal force; rows of ghosts are incomplete."""
