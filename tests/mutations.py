@@ -26,7 +26,7 @@ SOURCES = ["/dev/zero", "/dev/null", "/etc/passwd", "/", ".", "..", "", "nowhere
 
 def required_keys():
     """Keys that are required wherever they occur in the schema."""
-    laws = [law.model_json_schema() for law in map(registry.load, ("elastic", "cam_clay", "drucker_prager"))]
+    laws = [law.model_json_schema() for law in map(registry.load, ("arena", "cam_clay", "drucker_prager", "elastic"))]
     models = [scene_json_schema(), *laws, *scene_json_schema()["$defs"].values()]
     required = {key for model in models for key in model.get("required", [])}
     return required - {key for model in models for key in model["properties"] if key not in model.get("required", [])}

@@ -1,10 +1,14 @@
 """Runs the command line on several ranks for tests, with a fault or a tap where the first word says so.
 
-    mpirun -n 3 python program.py tap config.yaml ...     what rank r > 0 prints goes to the file rank{r}.txt
-    mpirun -n 3 python program.py fault config.yaml ...   rank 1 fails in the fifth step
+mpirun -n 3 python program.py tap config.yaml ...     what rank r > 0 prints goes to the file rank{r}.txt
+mpirun -n 3 python program.py fault config.yaml ...   rank 1 fails in the fifth step
+mpirun -n 2 python program.py lost config.yaml ...    the result file vanishes in the fifth step
+mpirun -n 2 python program.py full config.yaml ...    no file can grow beyond 150 kB
 """
 
 import os
+import resource
+import signal
 import sys
 
 from mpi4py import MPI
@@ -15,17 +19,22 @@ from periporo.core.fields import StrainMeasures
 RANK = MPI.COMM_WORLD.rank
 
 
-def fail_in_the_fifth_step():
-    """Make rank 1 raise where no other rank does."""
+def in_the_fifth_step(rank, action):
+    """Make a rank do something where no other rank does."""
     update, calls = StrainMeasures.update, []
 
-    def injected_fault(self, *arguments):
+    def spoiled_update(self, *arguments):
         calls.append(1)
-        if RANK == 1 and len(calls) == 5:
-            raise ZeroDivisionError("injected fault")
+        if rank == RANK and len(calls) == 5:
+            action()
         update(self, *arguments)
 
-    StrainMeasures.update = injected_fault
+    StrainMeasures.update = spoiled_update
+
+
+def fail():
+    """What a programming error looks like."""
+    raise ZeroDivisionError("injected fault")
 
 
 def redirect_output():
@@ -36,6 +45,17 @@ def redirect_output():
         os.dup2(target, 2)
 
 
+def limit_files():
+    """A limit on the size of files stands in for a full disk."""
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))
+
+
 if __name__ == "__main__":
-    {"tap": redirect_output, "fault": fail_in_the_fifth_step}[sys.argv[1]]()
+    {
+        "tap": redirect_output,
+        "fault": lambda: in_the_fifth_step(1, fail),
+        "lost": lambda: in_the_fifth_step(0, lambda: os.unlink("scene.h5")),
+        "full": limit_files,
+    }[sys.argv[1]]()
     raise SystemExit(cli.main(sys.argv[2:]))

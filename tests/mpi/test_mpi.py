@@ -139,6 +139,17 @@ def test_a_fault_on_one_rank_ends_the_job_with_its_traceback(mpirun, tmp_path, s
     assert "rank 0 failed" not in run.stderr and "rank 2 failed" not in run.stderr
 
 
+@pytest.mark.parametrize(("word", "reason"), [("lost", "No such file or directory"), ("full", "File too large")])
+def test_a_disk_that_fails_ends_all_ranks_with_a_line(mpirun, tmp_path, scene_of, word, reason):
+    stages = [{"name": "fall", "type": "dynamics", "duration": 1e3}]  # hours, unless it is ended
+    scene = scene_of(counts=(20, 10), stages=stages, output={"interval": 1e-4}, checkpoint={"interval": 0.1})
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene))
+    run = mpirun(2, HERE / "program.py", word, "scene.yaml", "--quiet", folder=tmp_path, timeout=180)
+    assert run.returncode == 2, run.stderr
+    assert run.stderr.count("cannot write") == 1 and reason in run.stderr and "Traceback" not in run.stderr
+    assert not list(tmp_path.glob("*.partial")) and not list(tmp_path.glob("*.lock"))
+
+
 def test_only_rank_0_speaks(mpirun, tmp_path, scene_of):
     (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene_of()))
     run = mpirun(3, HERE / "program.py", "tap", "scene.yaml", "--no-plot", folder=tmp_path)

@@ -1,0 +1,71 @@
+"""Runs the command line with a fault in the state after a step, so many times.
+
+    mpirun -n 2 python spoiled.py speed 45 1 config.yaml ...
+
+Point and bond are named by ids, whichever rank has them: the fault is the same on any number of ranks.
+"""
+
+import sys
+
+import numpy as np
+
+from periporo.core import cli
+from periporo.core.correspondence.bond_projected import BondProjected
+from periporo.core.watchdog import Watchdog, wave_speeds
+
+KIND, STEP, TIMES = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+POINT, BOND = 17, (16, 17)
+
+
+def rows_of_point(particles):
+    return np.flatnonzero(particles.id == POINT)
+
+
+def nan(sim):
+    p = sim.particles
+    p.velocity[rows_of_point(p)] = np.nan
+
+
+def nan_stress(sim):
+    ids, place = sim.bonds.layout.keys(sim.bonds.blocks[0], sim.bonds.pairs)
+    sim.bonds.blocks[0].stress[(ids[place] == BOND).all(axis=1), 1] = np.nan
+
+
+def speed(sim):
+    p, fastest = sim.particles, wave_speeds(sim)[0]
+    p.velocity[rows_of_point(p), 0] = 3.0 * fastest
+
+
+def energy(sim):
+    sim.particles.velocity *= 1.5
+
+
+def strain(sim, deform=BondProjected.deform):
+    """A point leaps and is back within the next step, and the law does not notice: only its bonds' strain tells."""
+
+    def leap(scheme, particles, *arguments):
+        BondProjected.deform = deform
+        kept = particles.velocity.copy()
+        particles.velocity[rows_of_point(particles)] += 5.0 * sim.spacing / sim.dt
+        deform(scheme, particles, *arguments)
+        particles.velocity[:] = kept
+        for block in sim.bonds.blocks:
+            block.strain_increment[:] = 0.0
+
+    BondProjected.deform = leap
+
+
+FAULTS = {"nan": nan, "nan_stress": nan_stress, "speed": speed, "strain": strain, "energy": energy}
+left = [TIMES]
+
+
+def check_spoiled(self, sim, check=Watchdog.check):
+    if left[0] and sim.step_number == STEP:
+        left[0] -= 1
+        FAULTS[KIND](sim)
+    check(self, sim)
+
+
+if __name__ == "__main__":
+    Watchdog.check = check_spoiled
+    raise SystemExit(cli.main(sys.argv[4:]))
