@@ -32,10 +32,9 @@ COMM = MPI.COMM_WORLD
 ELASTIC = {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
 SAND = {"model": "drucker_prager", "density": 1600.0, "bulk_modulus": 2e5, "shear_modulus": 1e5,
         "friction_angle": 15.0, "cohesion": 0.0}  # fmt: skip
-# numbers that a ghost receives in each step, bond-projected scheme in the plane and in space (core/halo.py):
-# position, velocity, volume; share, shape, gradient and the averages of stress and state; flux
-NUMBERS = {2: (2 + 2 + 1) + (2 + 3 + 4 + 5) + 4, 3: (3 + 3 + 1) + (2 + 6 + 9 + 7) + 9}
-EXCHANGES = 3  # messages to each neighbour in a step
+# fields that ghosts receive in each step, bond-projected scheme, one message each; where bonds begin or end anywhere
+# also the averages of stress and state, which the model leaves out
+EXCHANGES = (("position", "velocity"), ("share", "shape_inverse", "gradient"), ("flux",))
 RANKS = (1, 2, 4, 8, 16)
 SHARED_CORES = {"MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT": "64"}
 
@@ -113,14 +112,15 @@ def count(arguments):
     shared = COMM.allreduce(int(((first >= owned) | (second >= owned)).sum()))
     sim.halo.close()
     sent = np.array(COMM.allgather((sim.halo.messages_sent, sim.halo.bytes_sent, _memory(sim)))).max(axis=0)
+    numbers = sum(sim.particles.fields[name].columns or 1 for names in EXCHANGES for name in names)
     if COMM.rank == 0:
         m_neighbours, m_ghosts, m_pairs = model(counts, COMM.size, sim.ghost_reach)
         found = {
             "ranks": COMM.size, "points": int(np.prod(counts)), "rebuilds": (sim.rebuild_count - rebuilds) / steps,
             "imbalance": max(pairs) / np.mean(pairs), "pairs": max(pairs) * COMM.size / (sum(pairs) - shared / 2),
             "pairs_model": m_pairs, "neighbours": neighbours, "messages": sent[0] / steps,
-            "messages_model": EXCHANGES * m_neighbours, "ghosts": ghosts, "ghosts_model": m_ghosts,
-            "kB": sent[1] / steps / 1e3, "kB_model": 8e-3 * NUMBERS[len(counts)] * m_ghosts,
+            "messages_model": len(EXCHANGES) * m_neighbours, "ghosts": ghosts, "ghosts_model": m_ghosts,
+            "kB": sent[1] / steps / 1e3, "kB_model": 8e-3 * numbers * m_ghosts, "numbers": numbers,
             "state": float(sent[2] * COMM.size / np.prod(counts)),
         }  # fmt: skip
         print(json.dumps(found), flush=True)
