@@ -31,9 +31,9 @@ def test_front_and_excess(pareto):
     runs = runs_of(pareto, ("a", 1, 0.4, 1.0), ("a", 2, 0.1, 8.0), ("b", 1, 0.5, 1.5), ("b", 2, 0.1, 4.0),
                    ("c", 1, 0.2, 2.0), ("c", 2, 0.15, 30.0))  # fmt: skip
     assert [(r.choice.scheme, r.resolution) for r in pareto.front(runs)] == [("a", 1), ("c", 1), ("b", 2)]
-    assert pareto.excess(runs, pareto.Choice("a")) == 1.0
-    assert pareto.excess(runs[:2] + runs[3:], pareto.Choice("c")) == 1.0
-    assert pareto.excess([runs[1], runs[3]], pareto.Choice("a")) == 2.0
+    assert pareto.excess(runs, pareto.Choice("a")) == pytest.approx(2.0**0.5)  # 1 and 8 s in place of 4
+    assert pareto.excess(runs, pareto.Choice("c")) == pytest.approx(7.5**0.5)  # 2 s, and 30 in place of 4
+    assert pareto.excess(runs, pareto.Choice("b")) == pytest.approx(1.5**0.5)
     assert np.isnan(pareto.excess(runs, pareto.Choice("d")))
 
 
