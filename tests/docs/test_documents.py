@@ -122,7 +122,7 @@ class Page:
         words = [Path(words[0]).name, *words[1:]]
         if words[0] == "mpirun" and words[3] == "periporo":
             self.provide(words[4:])
-            done = self.mpirun(1, "-m", "periporo.core.cli", *words[4:], folder=self.folder)
+            done = self.mpirun(1, "-m", "periporo.core.cli", *words[4:], folder=self.folder, timeout=900)
             assert done.returncode == 0, done.stderr
         elif words[0] == "periporo":
             self.periporo(line, words[1:])
