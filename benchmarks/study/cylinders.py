@@ -47,9 +47,10 @@ def _section(panel, position, strain):
 
 
 def _outline(panel, position, bonded, spacing):
-    """Height of the highest bonded points in rings one spacing wide: the mean of eight sectors, which hides grains."""
+    """Height of the highest bonded points in rings: the mean of those of eight sectors that have points."""
     distance, angle = np.hypot(position[:, 0], position[:, 1]), np.arctan2(position[:, 1], position[:, 0])
     ring, sector = (distance / (1.5 * spacing)).astype(int), np.clip((angle / (np.pi / 16)).astype(int), 0, 7)
     tops = np.zeros((ring.max() + 1, 8))
     np.maximum.at(tops, (ring[bonded], sector[bonded]), position[bonded, 2] + 0.5 * spacing)
-    panel.plot((np.arange(len(tops)) + 0.5) * 1.5 * spacing, tops.mean(axis=1), "k-", lw=1.2)
+    mean = tops.sum(axis=1) / np.maximum((tops > 0.0).sum(axis=1), 1)
+    panel.plot((np.arange(len(tops)) + 0.5) * 1.5 * spacing, mean, "k-", lw=1.2)
