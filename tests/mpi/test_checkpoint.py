@@ -201,7 +201,7 @@ def test_the_wall_time_ends_a_run_in_time(mpirun, tmp_path):
     write_scene(tmp_path, scene)
     run = mpirun(2, *CLI, "scene.yaml", "--no-plot", "--walltime", "6", folder=tmp_path, timeout=100)
     assert run.returncode == 0, run.stderr
-    assert "stopped at t = " in run.stdout and len(checkpoints(tmp_path)) == 1
+    assert "stopped at t = " in run.stdout and 1 <= len(checkpoints(tmp_path)) <= 2  # one half-way, to learn its cost
 
 
 def test_killed_runs_resume_and_end_alike(tmp_path):
