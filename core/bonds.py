@@ -95,6 +95,11 @@ class Carried:
     stress: np.ndarray
     state: np.ndarray
 
+    def packed(self, chosen) -> np.ndarray:
+        """Ids, stress and state of the rows where `chosen` (n,), in one table."""
+        rows = np.flatnonzero(chosen)
+        return pack([self.ids[self.place[rows]], self.stress[rows], self.state[rows]])
+
     @classmethod
     def of_active(cls, ids, stress, state) -> "Carried":
         """Of rows that are all active, one for each of the `ids`."""
@@ -138,22 +143,25 @@ class Bonds:
             rows.carried = carried if comm.size == 1 else self._share(comm, particles, owner, rows, carried)
 
     def _share(self, comm, particles, owner, held, carried):
-        alive = np.flatnonzero(carried.active)
-        home = np.full(particles.total, comm.rank)
-        home[: particles.owned] = owner
-        place, first, second, _ = held.layout.holders(held, self.pairs)
-        ends = home[first[place[alive]]], home[second[place[alive]]]
-        rows = pack([carried.ids[carried.place[alive]], carried.stress[alive], carried.state[alive]])
+        """`carried` with the rows of points that come to this rank; nothing is copied if none come."""
+        width = 2 + carried.stress.shape[1] + carried.state.shape[1]
+        outgoing = {}
         moved = np.unique(owner[owner != comm.rank]).tolist()
-        outgoing = {r: rows[(ends[0] == r) | (ends[1] == r)] for r in moved}
-        arrived = exchange_rows(comm, outgoing, rows.shape[1])
-        if len(arrived):
-            rows = np.concatenate([rows, arrived])
-            ids = np.ascontiguousarray(rows[:, :2]).view(np.int64)
-            order = np.lexsort((ids[:, 1], ids[:, 0]))
-            fresh = np.ones(len(order), bool)
-            fresh[1:] = (ids[order[1:]] != ids[order[:-1]]).any(axis=1)
-            rows = rows[order[fresh]]
+        if moved:
+            home = np.full(particles.total, comm.rank)
+            home[: particles.owned] = owner
+            place, first, second, _ = held.layout.holders(held, self.pairs)
+            ends = home[first[place]], home[second[place]]
+            outgoing = {r: carried.packed(carried.active & ((ends[0] == r) | (ends[1] == r))) for r in moved}
+        arrived = exchange_rows(comm, outgoing, width)
+        if not len(arrived):
+            return carried
+        rows = np.concatenate([carried.packed(carried.active), arrived])
+        ids = np.ascontiguousarray(rows[:, :2]).view(np.int64)
+        order = np.lexsort((ids[:, 1], ids[:, 0]))
+        fresh = np.ones(len(order), bool)
+        fresh[1:] = (ids[order[1:]] != ids[order[:-1]]).any(axis=1)
+        rows = rows[order[fresh]]
         components = carried.stress.shape[1]
         return Carried.of_active(
             np.ascontiguousarray(rows[:, :2]).view(np.int64),

@@ -36,6 +36,10 @@ def pack(arrays: list[np.ndarray]) -> np.ndarray:
     return np.hstack([np.ascontiguousarray(a).view(np.float64) for a in columns])
 
 
+def _table(owned, fields, rows):
+    return pack([owned[f.name][rows] for f in fields])
+
+
 class Halo:
     """Ghost exchange of one rank with its neighbours."""
 
@@ -53,18 +57,19 @@ class Halo:
         """Owned fields after each point moved to its new `owner` (owned,), rows in id order."""
         owned = particles.take(slice(0, particles.owned))
         if self.comm.size > 1:
-            self.points_migrated += int((owner != self.comm.rank).sum())
+            leaving = owner != self.comm.rank
+            self.points_migrated += int(leaving.sum())
             fields = particles.migrating()
-            rows = pack([owned[f.name] for f in fields])
-            outgoing = {r: rows[owner == r] for r in np.unique(owner).tolist() if r != self.comm.rank}
-            arrived = exchange_rows(self.comm, outgoing, rows.shape[1])
-            rows = np.concatenate([rows[owner == self.comm.rank], arrived])
-            column = 0
-            for f in fields:
-                width = f.columns or 1
-                part = np.ascontiguousarray(rows[:, column : column + width]).view(f.dtype)
-                owned[f.name] = part[:, 0] if f.columns is None else part
-                column += width
+            outgoing = {r: _table(owned, fields, owner == r) for r in np.unique(owner[leaving]).tolist()}
+            arrived = exchange_rows(self.comm, outgoing, sum(f.columns or 1 for f in fields))
+            if leaving.any() or len(arrived):  # otherwise everything is as it was
+                rows = np.concatenate([_table(owned, fields, ~leaving), arrived])
+                column = 0
+                for f in fields:
+                    width = f.columns or 1
+                    part = np.ascontiguousarray(rows[:, column : column + width]).view(f.dtype)
+                    owned[f.name] = part[:, 0] if f.columns is None else part
+                    column += width
         order = np.argsort(owned["id"], kind="stable")
         return {name: np.ascontiguousarray(array[order]) for name, array in owned.items()}
 
