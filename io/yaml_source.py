@@ -114,6 +114,8 @@ def _failure(name: str, message: str, line: int | None = None) -> InputError:
 
 def _syntax_failure(name: str, text: str, error: yaml.MarkedYAMLError) -> InputError:
     message, line = f"not valid YAML: {error.problem}", None
+    if "nesting depth" in (error.problem or ""):  # the parser has a limit of its own, which may be the lower one
+        message = f"nested more than {_MAX_DEPTH} levels deep"
     if error.context and error.context_mark:
         message += f" ({error.context} that starts in line {error.context_mark.line + 1})"
     if error.problem_mark:

@@ -18,7 +18,8 @@ def test_a_random_column_falls_without_harm(number):
     outcome = ROBUSTNESS.run(draw, spacing=0.01, duration=0.1)
     assert outcome.sound, outcome
     assert outcome.speed > 0.05, "nothing fell"
-    assert outcome.height_left < (draw.height + 0.01 * draw.jitter) / ROBUSTNESS.HALF_WIDTH + 1e-3  # nothing rose
+    highest = draw.height + 0.01 * draw.jitter + 0.001  # nothing rose by more than a tenth of a spacing
+    assert outcome.height_left < highest / ROBUSTNESS.HALF_WIDTH
 
 
 def test_draws_are_reproducible_and_spread():
