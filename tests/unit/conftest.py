@@ -1,4 +1,4 @@
-"""What several test files of results share."""
+"""What several test files share: a small result file, and the command line in process."""
 
 import json
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from periporo.core import cli
 from periporo.io.writer import ResultWriter
 
 ENERGIES = ("kinetic_energy", "internal_energy", "external_work", "contact_energy", "friction_dissipation",
@@ -46,3 +47,18 @@ def write_heap(path, *, dimension=2, outputs=3, histories=True, strain=True, con
 def heap():
     """The function that writes a small result file, see `write_heap`."""
     return write_heap
+
+
+@pytest.fixture
+def call(tmp_path, monkeypatch, capsys):
+    """The function that runs a command line in an empty folder: exit status, standard output and error."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words):
+        try:
+            status = cli.main([str(w) for w in words])
+        except SystemExit as stop:
+            status = stop.code
+        return (status, *capsys.readouterr())
+
+    return run

@@ -17,19 +17,10 @@ from periporo.io.input_errors import SCREEN_LINES, SCREEN_WIDTH
 
 
 @pytest.fixture
-def call(tmp_path, monkeypatch, capsys):
-    """The function that runs a command line in an empty folder: exit status, standard output and error."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(jit, "CACHE_IS_WARM", True)  # or it says that it compiles
-
-    def run(*words):
-        try:
-            status = cli.main([str(w) for w in words])
-        except SystemExit as stop:
-            status = stop.code
-        return (status, *capsys.readouterr())
-
-    return run
+def call(call, monkeypatch):
+    """As in other files, but without a word on kernels that are compiled."""
+    monkeypatch.setattr(jit, "CACHE_IS_WARM", True)
+    return call
 
 
 @pytest.fixture

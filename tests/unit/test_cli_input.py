@@ -11,7 +11,7 @@ import jsonschema
 import pytest
 import yaml
 
-from periporo.core import cli, jit
+from periporo.core import jit
 from periporo.io.examples import example_texts
 from periporo.io.reference import editor_schema
 from periporo.io.schema import load_scene
@@ -19,21 +19,6 @@ from periporo.materials import registry
 
 REFERENCE = Path(__file__).parents[2] / "docs" / "input.md"
 SOIL = {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
-
-
-@pytest.fixture
-def call(tmp_path, monkeypatch, capsys):
-    """The function that runs a command line in an empty folder: exit status, standard output and error."""
-    monkeypatch.chdir(tmp_path)
-
-    def run(*words):
-        try:
-            status = cli.main([str(w) for w in words])
-        except SystemExit as stop:
-            status = stop.code
-        return (status, *capsys.readouterr())
-
-    return run
 
 
 def test_new_lists_every_example_with_its_title(call):
