@@ -204,7 +204,7 @@ def advance(
     c = 6.0 * shear / slope**2
     overstress = 4.0 * viscosity_rate / c
     index = 1.0 / (bonding_parameters[3] - bonding_parameters[4])
-    tile, rows, used = np.ones(8 * LANES), np.zeros(LANES, np.int64), 0
+    tile, rows, used = np.ones(9 * LANES), np.zeros(LANES, np.int64), 0
     for b in range(stress.shape[0]):
         if dissipation_column >= 0:
             state[b, dissipation_column] = 0.0
@@ -213,6 +213,7 @@ def advance(
         size, floor, stiffening = _bonded(unbonded, minimum, index, state, b, bonding_column, bonding_parameters)
         if q_squared / slope**2 + p_trial * (p_trial + size) > _YIELD_TOLERANCE * size * size:
             la.to_lane(tile, 0, used, (p_trial, 4.0 * q_squared / slope**2, size, stiffening))
+            la.to_lane(tile, 8, used, (floor,))
             rows[used] = b
             used += 1
         if used < LANES and (b < stress.shape[0] - 1 or used == 0):
@@ -222,8 +223,7 @@ def advance(
             b_k = rows[k]
             p_trial, a2, size, stiffening = la.from_lane(tile, 0, k, (0.0, 0.0, 0.0, 0.0))
             x, w, new_size, found = la.from_lane(tile, 4, k, (0.0, 0.0, 0.0, 0.0))
-            unbonded = minimum if -state[b_k, 0] < minimum else -state[b_k, 0]
-            _, floor, _ = _bonded(unbonded, minimum, index, state, b_k, bonding_column, bonding_parameters)
+            (floor,) = la.from_lane(tile, 8, k, (0.0,))
             if found == 0.0 or new_size < floor:
                 x, w, new_size = _return_to_yield(p_trial, a2, size, floor, bulk, c, stiffening, overstress)
             p = p_trial - bulk * x
@@ -234,6 +234,7 @@ def advance(
             if stiffening == index:
                 state[b_k, 0] = -new_size
             else:
+                unbonded = minimum if -state[b_k, 0] < minimum else -state[b_k, 0]
                 state[b_k, 0] = -max(unbonded * math.exp(-index * x), minimum)
             if dissipation_column >= 0:
                 state[b_k, dissipation_column] = p * x + w * (1.0 - w) * 0.25 * slope**2 * a2 / (3.0 * shear)
