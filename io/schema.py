@@ -110,7 +110,7 @@ SchemeName = Literal["bond_projected", "point_state", "standard", "sub_horizon",
 
 _SCHEME_OF = {
     "self_point": "sub_horizon_published", "average_ends": "sub_horizon_published", "dilatation": "bond_projected",
-    "sharpened": "point_state",
+    "sharpened": "point_state", "balance": "bond_projected",
 }  # fmt: skip
 
 
@@ -135,12 +135,20 @@ class CorrespondenceInput(SceneModel):
         default=None,
     )
 
+    balance: Flag | None = key(
+        "tilt bonds so that forces balance in a uniform stress, for displaced points that stay neighbours "
+        "(bond_projected, default false)",
+        default=None,
+    )
+
     @model_validator(mode="after")
     def _has_the_options(self):
         for option in self.options():
             scheme = _SCHEME_OF[option]
             if self.scheme != scheme:
                 raise ValueError(f"'{self.scheme}' has no option {option}; leave it out, or choose {scheme}")
+        if self.balance and self.dilatation == "points":
+            raise ValueError("balance needs bonds with a volume change of their own; leave out dilatation, or balance")
         return self
 
     def options(self) -> dict[str, bool | str]:
