@@ -5,7 +5,7 @@
 On displaced points the forces of a uniform stress do not balance, g_i = sum_b c_b dL_b/dv_i is not zero, and points
 move until they do: the cloud is softer than its material. This script assembles the linear operator of
 `bond_projected` in the plane (cubic influence, horizon 2.2 spacings) as a sparse matrix, changes it in three ways, and
-solves the manufactured problem V6 with each.
+solves the manufactured problem V6 with each; the table goes to docs/figures/balanced_bonds.md.
 
   weights  shares of volume c_b (1 + d_b) with the smallest d for which g = 0 and every point keeps its volume
   tilt     q_ij = xi/|xi|^2 + a_j - a_i in place of xi/|xi|^2 in L_ij = L + (v_j - v_i - L xi) (x) q_ij, with one
