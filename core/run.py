@@ -290,9 +290,8 @@ def check_scene(path, comm) -> int:
 
 
 def _memory(sim) -> int:
+    """Bytes of the arrays of points, rows and pairs on this rank."""
     arrays = [getattr(sim.particles, name) for name in sim.particles.fields]
-    for block in sim.bonds.blocks:
-        arrays += [block.stress, block.strain_increment, block.state, block.pair, block.side, block.active]
-    pairs = sim.bonds.pairs
-    arrays += [pairs.first, pairs.second, pairs.ids, pairs.weight, sim.bonds.incidence]
-    return sum(a.nbytes for a in arrays)
+    for part in (*sim.bonds.carriers, sim.bonds.pairs, sim.bonds, sim.scheme):
+        arrays += [value for value in vars(part).values() if isinstance(value, np.ndarray)]
+    return sum(a.nbytes for a in {id(a): a for a in arrays}.values())

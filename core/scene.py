@@ -3,6 +3,7 @@
 import numpy as np
 
 from periporo.core.boundary import Gravity, Traction, ViscousDamping
+from periporo.core.correspondence.balance import balance, tilt_field
 from periporo.core.correspondence.bond_projected import BondProjected
 from periporo.core.correspondence.point_state import PointState
 from periporo.core.correspondence.standard import Standard
@@ -39,6 +40,9 @@ def build(scene, comm) -> Simulation:
     sim = Simulation(
         comm, particles, materials, scheme, spacing=scene.spacing, skin=SKIN * scene.spacing, time_step=time_step
     )
+    if chosen.balance:
+        particles.add_field(tilt_field(scene.dimension))
+        sim.preparations.append(balance)
     sim.forces.need("external")
     strains = StrainMeasures()
     strains.attach(particles)

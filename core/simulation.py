@@ -44,6 +44,7 @@ class Simulation:
         self.ledger: Ledger | None = None
         self.timing = Timing()
         self.prescribed_motions, self.point_processes, self.contacts = [], [], []
+        self.preparations = []  # functions of the simulation, once at the start
         self.loads, self.observers, self.stages = [], [], []
         self.guards = []  # what may write a checkpoint, stop the run, or take it back: see `periporo.core.watchdog`
         self.stage_number = 0
@@ -197,6 +198,8 @@ class Simulation:
         self.rebuild()
         self.dt, self.rate_independent = 0.0, True
         self.evaluate_forces()
+        for prepare in self.preparations:
+            prepare(self)
         self.rate_independent = False
         self.bonds.initial_stress = None  # from now on, a row without a past is a point that lands
         self.ledger = Ledger(self.comm, self.particles)

@@ -20,6 +20,7 @@ _LANCZOS_STEPS = 12
 _DRIFT = 0.1  # relative change of the local estimate after which the ratio is measured again
 _OFTEN, _SELDOM = 200, 800  # steps after which it is measured again in any case
 _STEADY = 0.02  # relative change of the ratio up to which it is measured less often
+_SCRATCHED = ("velocity", "jacobian", "tilt")  # fields of points that keep their values from step to step
 _REMEMBERED = ("ratio", "reduction", "_calibrated_at", "_calibrated_in", "_pause")
 
 
@@ -85,15 +86,15 @@ def local_frequency(sim, contacts) -> float:
 def highest_frequency(sim) -> float:
     """Highest frequency of the elastic operator of all bonds by Lanczos iteration, rad/s.
 
-    The moduli are those of the present stress and state. These, and the velocity, are put aside meanwhile; nothing of
-    the simulation changes.
+    The moduli are those of the present stress and state. These, and what points carry, are put aside meanwhile; nothing
+    of the simulation changes.
     """
     p, n = sim.particles, sim.particles.owned
     for block in sim.bonds.blocks:
         block.held_moduli = block.elastic_moduli()
     kept = [(r.stress.copy(), r.state.copy(), r.active.copy()) for r in sim.bonds.carriers]
     totals = [b.total for b in sim.bonds.blocks]
-    velocity, jacobian = p.velocity.copy(), p.jacobian.copy()
+    points = {name: getattr(p, name).copy() for name in _SCRATCHED if name in p.fields}
     root_mass = np.sqrt(p.mass)[:, None]
     vector = uniform(p.id[:n], p.dimension, seed=1) - 0.5
     previous, beta = np.zeros_like(vector), 0.0
@@ -112,7 +113,8 @@ def highest_frequency(sim) -> float:
         rows.stress[:], rows.state[:], rows.active[:] = stress, state, active
     for block, total in zip(sim.bonds.blocks, totals, strict=True):
         block.total, block.held_moduli = total, None
-    p.velocity[:], p.jacobian[:] = velocity, jacobian
+    for name, values in points.items():
+        getattr(p, name)[:] = values
     off = beside[: len(diagonal) - 1]
     matrix = np.diag(diagonal) + np.diag(off, 1) + np.diag(off, -1)
     return float(np.sqrt(max(np.linalg.eigvalsh(matrix)[-1], 0.0)))

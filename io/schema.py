@@ -77,7 +77,7 @@ class RelaxStage(SceneModel):
     name: Name = key("name of the stage")
     type: Literal["relax"] = key("kind of stage")
     tolerance: Real = key(
-        "out-of-balance force over weight at which it ends", "1", default=1e-4, ge=1e-14, le=0.1
+        "out-of-balance force over load at which it ends", "1", default=1e-4, ge=1e-14, le=0.1
     )
     max_steps: Integer = key("steps after which it is given up", default=200_000, ge=1, le=10**9)
     boundaries: tuple[Name, ...] = key("boundary conditions in force", default=())
@@ -110,7 +110,7 @@ SchemeName = Literal["bond_projected", "point_state", "standard", "sub_horizon",
 
 _SCHEME_OF = {
     "self_point": "sub_horizon_published", "average_ends": "sub_horizon_published", "dilatation": "bond_projected",
-    "sharpened": "point_state",
+    "sharpened": "point_state", "balance": "bond_projected",
 }  # fmt: skip
 
 
@@ -135,12 +135,20 @@ class CorrespondenceInput(SceneModel):
         default=None,
     )
 
+    balance: Flag | None = key(
+        "tilt bonds so that forces balance in a uniform stress, for displaced points that stay neighbours "
+        "(bond_projected, default false)",
+        default=None,
+    )
+
     @model_validator(mode="after")
     def _has_the_options(self):
         for option in self.options():
             scheme = _SCHEME_OF[option]
             if self.scheme != scheme:
                 raise ValueError(f"'{self.scheme}' has no option {option}; leave it out, or choose {scheme}")
+        if self.balance and self.dilatation == "points":
+            raise ValueError("balance needs bonds with a volume change of their own; leave out dilatation, or balance")
         return self
 
     def options(self) -> dict[str, bool | str]:

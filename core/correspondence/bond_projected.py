@@ -16,6 +16,8 @@ With `dilatation` = "points" a bond expands at the rate of its points alone, tr 
 correction is added, and in the products with xi sigma is replaced by s = sigma - tr(sigma)/d I. Bonds that each keep
 their own volume leave a body less freedom than plastic flow at constant volume needs; points leave enough.
 
+With `balance` the direction n is tilted to n + a_j - a_i: see `periporo.core.correspondence.balance`.
+
 beta is 1 in a regular neighbourhood and falls to 0, with its width, where the neighbours do not span space any
 more: such a point flies freely. Momenta are conserved to rounding, the elastic operator is symmetric and positive
 semi-definite. Points closer than `closest` are a lump, which no lattice has: there the correction counts less, or its
@@ -26,7 +28,7 @@ import numpy as np
 
 from periporo.core import algebra as la
 from periporo.core.algebra import LANES
-from periporo.core.correspondence import kinematics
+from periporo.core.correspondence import balance, kinematics
 from periporo.core.correspondence.influence import influence_table, support
 from periporo.core.correspondence.moments import update_neighbourhoods
 from periporo.core.correspondence.springs import add_spring
@@ -60,12 +62,16 @@ class BondProjected:
     name = "bond_projected"
     rows = PairRows()
 
-    def __init__(self, horizon: float, influence_name: str, dilatation: str = "bond"):
-        """`horizon` m; `influence_name` one of `influence.NAMES`; `dilatation` of a bond: its own or its "points"."""
+    def __init__(self, horizon: float, influence_name: str, dilatation: str = "bond", balance: bool = False):
+        """`horizon` m; `influence_name` one of `influence.NAMES`; `dilatation` of a bond: its own or its "points".
+
+        With `balance` the directions of bonds are tilted; points have the field `tilt` then.
+        """
         self.horizon = support(influence_name, horizon)
         self.closest = CLOSEST * horizon
         self.table = influence_table(influence_name)
         self.taken = 1.0 if dilatation == "points" else 0.0  # of the spherical part of a bond's correction
+        self.balanced = balance
         self._degenerate = 0  # points without a regular neighbourhood in the last step
 
     def deform(self, particles, bonds, halo, dt: float, material_dt: float) -> None:
@@ -77,6 +83,8 @@ class BondProjected:
         p, pairs = particles, bonds.pairs
         crossed, degenerate = update_neighbourhoods(p, pairs, self.horizon, self.table, dt)
         self._exchange(p, bonds, halo, crossed or degenerate or self._degenerate)
+        if self.balanced:
+            balance.turn(p, dt)
         degenerate += int((p.share[p.owned :, 1] == 0.0).sum())
         if crossed or degenerate or self._degenerate:  # otherwise every row is as active as it was
             bonds.admit_newborn(p, material_dt)
@@ -85,8 +93,12 @@ class BondProjected:
             _strain_rows(
                 block.pair, block.active, pairs.first, pairs.second, p.position, p.velocity, p.gradient, self.closest,
                 dt, block.stress, block.strain_increment, block.state, block.tensor_columns, block.peak, self.taken,
-                p.dim,
+                self._tilt(p), p.dim,
             )  # fmt: skip
+
+    def _tilt(self, p):
+        """Tilts of the points, none without balance."""
+        return p.tilt if self.balanced else np.zeros((0, p.dimension))
 
     def _exchange(self, p, bonds, halo, changed):
         """Tell the ghosts; of the averages only where a row may be newborn, since bonds have `changed` somewhere."""
@@ -105,7 +117,8 @@ class BondProjected:
         for block in bonds.blocks:
             _add_own_force(
                 block.pair, block.side, block.active, pairs.first, pairs.second, pairs.weight, p.position, p.volume,
-                p.share, block.total_stress, self.closest, self.taken, p.flux, force, p.dim,
+                p.share, block.total_stress, self.closest, self.taken, self._tilt(p), p.flux, force,
+                p.dim,
             )  # fmt: skip
         _close_flux(p.owned, p.volume, p.shape_inverse, p.flux, p.dim)
         halo.update(p, "flux")
@@ -123,8 +136,9 @@ class BondProjected:
 @kernel
 def _strain_rows(
     pair, active, first, second, position, velocity, gradient, closest, dt, stress, strain_increment, state, tensors,
-    peak, taken, dim,
+    peak, taken, tilt, dim,
 ):  # fmt: skip
+    tilted = tilt.shape[0] > 0
     tile, rows, used = kinematics.new_tile(dim), np.zeros(LANES, np.int64), 0
     extra = kinematics.extra_quantity(dim)
     for r in range(pair.shape[0]):
@@ -133,17 +147,19 @@ def _strain_rows(
             kinematics.load_lane(tile, rows, used, r, la.mean_matrix(gradient, i, j, dim), stress, dim)
             la.to_lane(tile, extra, used, la.difference(position, i, j, dim))
             la.to_lane(tile, extra + len(dim), used, la.difference(velocity, i, j, dim))
+            if tilted:
+                la.to_lane(tile, extra + 2 * len(dim), used, la.difference(tilt, j, i, dim))
             used += 1
         else:
             la.store(strain_increment, r, 0, la.zero_symmetric(dim))
         if used == LANES or r == pair.shape[0] - 1:
-            _correct_tile(tile, extra, closest, taken, dim)
+            _correct_tile(tile, extra, closest, taken, tilted, dim)
             kinematics.turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, peak, dim)
             used = 0
 
 
 @inlined
-def _correct_tile(tile, extra, closest, taken, dim):
+def _correct_tile(tile, extra, closest, taken, tilted, dim):
     """Mean gradients L become the bonds' own, L + (dv - L xi) (x) n, less `taken` of its spherical part."""
     for k in range(LANES):
         mean = la.from_lane(tile, 0, k, la.zero_matrix(dim))
@@ -151,6 +167,8 @@ def _correct_tile(tile, extra, closest, taken, dim):
         dv = la.from_lane(tile, extra + len(dim), k, la.zero_vector(dim))
         residual = la.minus(dv, la.apply(mean, xi))
         n = direction(xi, closest)
+        if tilted:
+            n = la.minus(n, la.from_lane(tile, extra + 2 * len(dim), k, la.zero_vector(dim)))
         own = la.plus_dyad(mean, residual, n)
         la.to_lane(tile, 0, k, la.plus_spherical(own, -taken / len(dim) * la.dot(residual, n)))
 
@@ -163,9 +181,10 @@ def _along(stress, x, taken):
 
 @kernel
 def _add_own_force(
-    pair, side, active, first, second, weight, position, volume, share, stress, closest, taken, flux, force, dim
-):
-    """Add the bond's own part c sigma n of t_ij to both ends, and (c/2)(sigma - (sigma xi) (x) n) to Z of both."""
+    pair, side, active, first, second, weight, position, volume, share, stress, closest, taken, tilt, flux, force,
+    dim,
+):  # fmt: skip
+    """Add the bond's own part c sigma n of t_ij to both ends, and (c/2)(sigma - (sigma n) (x) xi) to Z of both."""
     n_matrix = len(dim) * len(dim)
     terms, ends = np.zeros(LANES * n_matrix), np.zeros((2, LANES), np.int64)
     used = 0
@@ -175,13 +194,15 @@ def _add_own_force(
             i, j = first[b], second[b]
             xi = la.difference(position, i, j, dim)
             n = direction(xi, closest)
+            if tilt.shape[0] > 0:
+                n = la.minus(n, la.difference(tilt, j, i, dim))
             s = la.symmetric_at(stress, r, 0, dim)
             c = row_volume(side[r], weight[b] * volume[i] * volume[j], share, i, j)
             along = _along(s, n, taken)
             for a in range(len(dim)):
                 force[i, a] += c * along[a]
                 force[j, a] -= c * along[a]
-            z = la.plus_dyad(la.full(s), _along(s, xi, taken), la.scaled(n, -1.0))
+            z = la.plus_dyad(la.full(s), along, la.scaled(xi, -1.0))
             for a in range(n_matrix):
                 terms[used * n_matrix + a] = 0.5 * c * z[a]
             ends[0, used], ends[1, used] = i, j

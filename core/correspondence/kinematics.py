@@ -40,8 +40,8 @@ def rotated(s, h):
 
 @inlined
 def new_tile(dim):
-    """Scratch of `LANES` rows for `turn_tile`, with room for two vectors more."""
-    return np.zeros(LANES * (len(dim) * len(dim) + 2 * len(la.zero_symmetric(dim)) + 3 + 2 * len(dim)))
+    """Scratch of `LANES` rows for `turn_tile`, with room for three vectors more."""
+    return np.zeros(LANES * (len(dim) * len(dim) + 2 * len(la.zero_symmetric(dim)) + 3 + 3 * len(dim)))
 
 
 @inlined

@@ -151,15 +151,21 @@ def test_the_batch_systems_signals_reach_the_ranks(interrupt, tmp_path):
     assert_same_bits(one, contents(tmp_path / "scene.h5"))
 
 
-@pytest.mark.parametrize("scheme", [name for name in SCHEMES if name != "bond_projected"])
+OPTIONS = [{"scheme": "point_state", "sharpened": True}, {"scheme": "bond_projected", "balance": True}]
+
+
+@pytest.mark.parametrize("scheme", [*(name for name in SCHEMES if name != "bond_projected"), *OPTIONS], ids=str)
 def test_every_scheme_goes_on_bit_for_bit(interrupt, tmp_path, scheme):
+    """On one rank to the end, or on one, then on two, and on three."""
     scene = column(scheme)
     scene["stages"] = [{"name": "fall", "type": "dynamics", "duration": 0.02}]
     write_scene(tmp_path, scene)
     assert interrupt(1).returncode == 0
     one = contents(tmp_path / "scene.h5")
-    assert interrupt(2, "--overwrite", step=10).returncode == 0
-    run = interrupt(1, "--resume")
+    for ranks, step, words in ((1, 10, ["--overwrite"]), (2, 20, ["--resume"])):
+        run = interrupt(ranks, *words, step=step)
+        assert run.returncode == 0 and f"step {step}; checkpoint" in run.stdout, run.stderr
+    run = interrupt(3, "--resume")
     assert run.returncode == 0, run.stderr
     assert_same_bits(one, contents(tmp_path / "scene.h5"))
 

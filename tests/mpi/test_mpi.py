@@ -103,7 +103,8 @@ def test_results_have_the_same_bits_on_one_to_four_ranks(mpirun, tmp_path, scene
         assert run["migrated_points"] > 50 and run["messages"] > 0 and run["bytes_sent"] > run["messages"]
 
 
-OTHERS = [name for name in SCHEMES if name != "bond_projected"] + [{"scheme": "point_state", "sharpened": True}]
+OTHERS = [name for name in SCHEMES if name != "bond_projected"]
+OTHERS += [{"scheme": "point_state", "sharpened": True}, {"scheme": "bond_projected", "balance": True}]
 
 
 @pytest.mark.parametrize("scheme", OTHERS, ids=str)

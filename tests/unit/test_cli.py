@@ -3,6 +3,7 @@
 import copy
 import os
 import random
+import re
 import subprocess
 import sys
 from importlib import resources
@@ -10,6 +11,7 @@ from importlib import resources
 import h5py
 import pytest
 import yaml
+from mpi4py import MPI
 
 from periporo.core import cli, jit
 from periporo.core.simulation import Simulation
@@ -101,6 +103,22 @@ def test_check_says_what_a_scene_will_cost_and_writes_nothing(call, scene, tmp_p
     for word in ("scene.yaml: valid", "points        80,", "memory", "time step", "about", "run time"):
         assert word in out
     assert [p.name for p in tmp_path.iterdir()] == ["scene.yaml"]
+
+
+def test_check_counts_the_memory_of_points_and_rows_and_links(call, scene_of, tmp_path):
+    found = []
+    for scheme in ("standard", "point_state"):  # rows of points both, and the second has a number for each pair
+        keys = scene_of(counts=(60, 50), correspondence=scheme)
+        (tmp_path / "scene.yaml").write_text(yaml.safe_dump(keys))
+        _, out, _ = call("check", "scene.yaml")
+        pairs = int(re.search("pairs ([0-9,]+),", out)[1].replace(",", ""))
+        sim = Simulation.from_scene(keys, MPI.COMM_SELF)
+        sim.start()
+        points = sum(getattr(sim.particles, name).nbytes for name in sim.particles.fields)
+        found.append(1e6 * float(re.search("memory +([0-9.]+) MB", out)[1]) - points)
+    links = pairs * (8 + 1)  # stress, and whether it is active
+    assert found[1] - found[0] >= 0.9 * links - 1e5  # of the rounding of both texts
+    assert found[0] > pairs * (2 * 4 + 2 * 8 + 8)  # ends, ids and influence of pairs
 
 
 @pytest.mark.parametrize("word", ["run", "check"])
