@@ -3,7 +3,7 @@
 import numpy as np
 
 from periporo.core.energy import ForceChannels
-from periporo.core.jit import kernel
+from periporo.core.jit import inlined, kernel
 from periporo.core.particles import Particles
 
 
@@ -57,7 +57,7 @@ class ShortRangePublished:
         )  # fmt: skip
 
 
-@kernel
+@inlined
 def _nearby(position, i, origin, counts, spacing, reach, first, last):
     """Fill the lattice range [first, last] within `reach` of a point along each axis; whether it is empty."""
     for a in range(3):

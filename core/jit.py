@@ -73,5 +73,9 @@ numba_config.CACHE_DIR = str(CACHE_FOLDER)
 kernel = numba.njit(cache=True, fastmath=FASTMATH, error_model="numpy")
 """Decorator of every compiled loop: explicit arrays in, results written in place."""
 
-inlined = numba.njit(fastmath=FASTMATH, error_model="numpy")
-"""Decorator of small functions on scalars and tuples that kernels call."""
+inlined = numba.njit(fastmath=FASTMATH, error_model="numpy", forceinline=True)
+"""Decorator of functions that kernels call; nothing else may be called.
+
+A call that is left in the machine code goes to the copy in the kernel's own module if that comes from the cache, and to
+one that was optimised apart if it was compiled in this process. They may round differently.
+"""

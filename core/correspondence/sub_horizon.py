@@ -114,7 +114,7 @@ class SubHorizon:
         )
 
 
-@kernel
+@inlined
 def _neighbours(begin, end, pair, second, weight, i, position, horizon, row, xi, inside, dim):
     """Number of neighbours of point i; their rows, bonds `xi` (d, n) and who is in whose sub-family (n, n)."""
     count = 0
@@ -137,7 +137,7 @@ def _neighbours(begin, end, pair, second, weight, i, position, horizon, row, xi,
     return count
 
 
-@kernel
+@inlined
 def _sum_inside(count, inside, terms, sums):
     """sums[c, j] = sum over k of inside[k, j] terms[c, k], in ascending k.
 
@@ -164,7 +164,7 @@ def _padded(count):
     return (count + _LANES - 1) // _LANES * _LANES
 
 
-@kernel
+@inlined
 def _widest(start):
     """Largest number of rows of a point, rounded up to whole vectors."""
     widest = 0

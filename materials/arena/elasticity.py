@@ -2,8 +2,7 @@
 
 import math
 
-from periporo.core.jit import kernel
-from periporo.materials.arena.compiled import inlined, power
+from periporo.core.jit import inlined, kernel
 from periporo.materials.arena.constants import unpack_elasticity, unpack_pores
 from periporo.materials.arena.pores import (
     AIR_EXPONENT,
@@ -11,6 +10,7 @@ from periporo.materials.arena.pores import (
     water_bulk_modulus,
     water_volume,
 )
+from periporo.materials.arena.power import power
 
 GRAIN_BULK_MODULUS = 40e9  # K_s0, Pa
 GRAIN_SLOPE = 4.0  # n_s = dK_s/dp

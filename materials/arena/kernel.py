@@ -2,8 +2,7 @@
 
 import math
 
-from periporo.core.jit import kernel
-from periporo.materials.arena.compiled import inlined
+from periporo.core.jit import inlined, kernel
 from periporo.materials.arena.constants import (
     unpack_control,
     unpack_elasticity,

@@ -6,9 +6,9 @@ hydrostatic compressive strength follow from it in closed form; nothing is integ
 
 import math
 
-from periporo.core.jit import kernel
-from periporo.materials.arena.compiled import inlined, power
+from periporo.core.jit import inlined, kernel
 from periporo.materials.arena.constants import unpack_pores
+from periporo.materials.arena.power import power
 
 AIR_EXPONENT = 1.4  # gamma of air; K_a = gamma (p + p_r), p is the gauge pressure
 ATMOSPHERE = 101325.0  # p_r, Pa

@@ -1,13 +1,18 @@
 """The cache of machine code: its folder depends on all that the code depends on, and is found where one can write."""
 
+import importlib
 import os
+import pkgutil
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
+from numba.core.dispatcher import Dispatcher
 
+import periporo
 from periporo.core import jit
 
 
@@ -39,6 +44,25 @@ def test_fingerprint_follows_the_compiler_and_the_processor(monkeypatch):
     monkeypatch.undo()
     monkeypatch.setattr(jit.numba_config, "CPU_NAME", "generic-1")
     assert jit._fingerprint() != before
+
+
+def test_kernels_call_only_what_is_inlined():
+    """Or the last bit would depend on whether a kernel was compiled or came from the cache."""
+    found = []
+    for module in pkgutil.walk_packages(periporo.__path__, "periporo."):
+        if module.name.startswith(("periporo.core", "periporo.materials", "periporo.contact")):
+            found += [f for f in vars(importlib.import_module(module.name)).values() if isinstance(f, Dispatcher)]
+    assert len(found) > 100
+    calls = {(f.__name__, called.__name__): called for f in found for called in called_by(f.py_func)}
+    assert len(calls) > 30
+    assert not [names for names, called in calls.items() if not called.targetoptions.get("forceinline")]
+
+
+def called_by(function):
+    """What a compiled function names of others, of its own module or another."""
+    names, scope = function.__code__.co_names, function.__globals__
+    places = [scope, *(vars(scope[name]) for name in names if isinstance(scope.get(name), ModuleType))]
+    return [place[name] for name in names for place in places if isinstance(place.get(name), Dispatcher)]
 
 
 def test_folder_is_cold_once_and_warm_when_it_holds_something(monkeypatch, tmp_path):
