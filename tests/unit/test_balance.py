@@ -99,20 +99,20 @@ def test_the_measured_frequency_leaves_tilts_alone(block):
     assert np.array_equal(block.particles.tilt, before)
 
 
-@pytest.mark.parametrize("balanced", [True, False])
-def test_a_column_of_displaced_points_collapses_and_comes_to_rest(scene_of, cam_clay_input, balanced):
-    """Where soil flows tilts are of no use, but do no harm: run-out and height are those of a column without."""
+def test_a_column_of_displaced_points_collapses_as_without_and_comes_to_rest(scene_of, cam_clay_input):
+    """Where soil flows tilts are of no use, but do no harm."""
     stages = [{"name": "collapse", "type": "dynamics", "duration": 1.0, "stop_when_at_rest": 1e-6}]
-    scene = scene_of(counts=(10, 10), materials={"soil": cam_clay_input}, stages=stages)
+    scene = scene_of(counts=(8, 8), materials=cam_clay_input, stages=stages)
     scene["bodies"][0]["jitter"] = 0.1
     scene["contacts"][0]["damping"] = 0.2
     scene["initial_stress"] = {"type": "geostatic", "K0": 0.7}
-    sim = Simulation.from_scene(scene | {"correspondence": BALANCED | {"balance": balanced}}, MPI.COMM_SELF)
-    sim.run()
-    x = np.abs(sim.particles.position)
-    assert sim.time < 0.6
-    assert 2.2 < (np.quantile(x[:, 0], 0.99) + 0.005) / 0.05 < 2.9
-    assert 0.55 < (np.quantile(x[:, 1], 0.99) + 0.005) / 0.1 < 0.8
+    sizes = []
+    for balanced in (True, False):
+        sim = Simulation.from_scene(scene | {"correspondence": BALANCED | {"balance": balanced}}, MPI.COMM_SELF)
+        sim.run()
+        assert sim.time < 0.9
+        sizes.append(np.quantile(np.abs(sim.particles.position), 0.99, axis=0))
+    assert sizes[0] == pytest.approx(sizes[1], rel=0.1) and sizes[0][0] > 0.1 > 0.065 > sizes[0][1], sizes
 
 
 def test_a_grid_needs_hardly_any_tilt(scene_of, started):
