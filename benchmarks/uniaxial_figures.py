@@ -9,11 +9,11 @@ from periporo.io.drawing import STYLE
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 
-SCHEMES = ("standard", "bond_projected", "point_state", "sub_horizon")
+SCHEMES = ("standard", "bond_projected", "point_state", "point_state, sharpened", "sub_horizon")
 PUBLISHED = "sub_horizon_published"
 COLOURS = {
-    "standard": "0.65", "bond_projected": "#1b5e8c", "point_state": "#3d8b4f", "sub_horizon": "#d1761f",
-    PUBLISHED: "#b03a3a",
+    "standard": "0.65", "bond_projected": "#1b5e8c", "point_state": "#3d8b4f", "point_state, sharpened": "#7a4fa0",
+    "sub_horizon": "#d1761f", PUBLISHED: "#b03a3a",
 }  # fmt: skip
 PUSH = 0.5e-3  # m, of figures 6 to 11
 KPA = 1e-3

@@ -36,7 +36,7 @@ def test_the_cases_of_the_publication_are_there_and_valid(study):
     cases = study.all_cases()
     assert len({c.name for c in cases}) == len(cases)
     plain = {(c.loading, c.scheme, c.horizon) for c in cases if c.counts == (200, 60) and c.influence == "constant"}
-    schemes = ("standard", "bond_projected", "point_state", "sub_horizon", "sub_horizon_published")
+    schemes = ("standard", *study.STABLE, "sub_horizon_published")
     assert plain == {(loading, s, m) for loading in ("static", "dynamic") for s in schemes for m in (2.1, 3.1)}
     finer = [np.prod(c.counts) for c in cases if c.push == 1e-3]
     assert finer == pytest.approx([15_000, 30_000, 50_000], rel=5e-3)
@@ -51,7 +51,7 @@ def test_the_cases_of_the_publication_are_there_and_valid(study):
 def test_oscillations_are_gone_and_the_stress_is_right(study, measured):
     done, _ = measured
     lines, sound = study.table(done)
-    assert sound and len(lines) == 2 + len(done) == 12
+    assert sound and len(lines) == 2 + len(done) == 14
     for case, m in done.items():
         if case.scheme in study.STABLE:
             reference = study.oscillation(case, done[replace(case, scheme="standard")])
@@ -65,7 +65,7 @@ def test_the_published_force_bursts_in_motion_and_oscillates_at_rest(study, meas
     for case, m in done.items():
         if case.scheme == "sub_horizon_published" and case.loading == "dynamic":
             time, kinetic, bound = m.growth
-            assert kinetic[-1] > 1e6 * bound and time[-1] < 0.1 and 0.0 < m.time < time[-1]
+            assert kinetic[-1] > 1e5 * bound and time[-1] < 0.1 and 0.0 < m.time < time[-1]
         elif case.scheme == "sub_horizon_published":
             assert m.growth is None and study.oscillation(case, m) > 1.0
         else:
