@@ -16,17 +16,21 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from verification_cases import CASES, SCHEMES, Figure
+from verification_cases import CASES, Figure
+from verification_cases import SCHEMES as NAMED
 
 from periporo.core.relaxation import RelaxationError
 
 TABLE = Path(__file__).resolve().parent.parent / "docs" / "figures" / "schemes_accuracy.md"
+SHARPENED = "point_state, sharpened"
+SCHEMES = (*NAMED[:2], SHARPENED, *NAMED[2:])
 NAMES = ("V5", "V6", "V7", "V8", "V9", "V2", "V3")  # the longest last
 
 
 def file_of(case, scheme, full, folder) -> Path:
     """Where the figures of a case by a scheme are kept."""
-    return folder / f"{case.name}-{case.function.__name__}-{scheme}-{'full' if full else 'quick'}.json"
+    name = scheme.replace(", ", "_")
+    return folder / f"{case.name}-{case.function.__name__}-{name}-{'full' if full else 'quick'}.json"
 
 
 def figures_of(case, scheme, full, folder):
@@ -35,7 +39,8 @@ def figures_of(case, scheme, full, folder):
     if not file.exists():
         began = time.monotonic()
         try:
-            outcome = [asdict(f) for f in case.run(full, scheme)]
+            key = {"scheme": "point_state", "sharpened": True} if scheme == SHARPENED else scheme
+            outcome = [asdict(f) for f in case.run(full, key)]
         except RelaxationError as error:
             if scheme == SCHEMES[0]:
                 raise
