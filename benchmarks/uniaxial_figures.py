@@ -109,7 +109,8 @@ def _convergence(chosen, path):
 def _published(chosen, path):
     """The published force: its stress along the axis, and how its kinetic energy grows."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
-    for (case, m), style in zip(chosen.items(), ("-", ":", "-", ":") if len(chosen) == 4 else ("-", "-"), strict=True):
+    for case, m in chosen.items():
+        style = "-" if int(case.horizon) == 2 else ":"
         if m.growth is None:
             left.plot(
                 m.x, m.axial * KPA, style, lw=1.2, color=COLOURS[PUBLISHED], label=f"{case.loading}, {_nominal(case)}"
