@@ -39,7 +39,7 @@ MARKS = dict(zip(SCHEMES, "oDsP^x", strict=True))
 class Choice:
     """What a user may choose; the defaults are those of the program."""
 
-    scheme: str = "bond_projected"
+    scheme: str = "point_state, sharpened"
     influence: str = "cubic"
     m: float = 2.2
     safety: float = 0.8
