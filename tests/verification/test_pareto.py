@@ -60,6 +60,7 @@ def test_a_sweep_is_written_read_and_drawn(pareto, tmp_path, monkeypatch):
 
 
 def test_errors_of_waves_and_deposits(pareto):
-    assert 0.02 < pareto.wave_error(10, pareto.DEFAULT) < 0.06
+    assert 0.02 < pareto.wave_error(10, pareto.Choice("bond_projected")) < 0.06
+    assert pareto.wave_error(10, pareto.DEFAULT) < 0.006
     one = np.stack([np.linspace(0.0, 2.0, 200), np.linspace(0.0, 1.0, 200)])
     assert pareto.distance(one, one + np.array([[0.3], [0.4]])) == pytest.approx(0.5)
