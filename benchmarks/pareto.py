@@ -8,8 +8,9 @@ weight (settlement of the highest points); and the collapse of configs/column_co
 belong points come to rest, against the mean of the finest runs of two schemes). Time is processor time of the run with
 kernels compiled before; the least of some repetitions where a run is short. A run is on the front if none is as quick
 and more accurate. The second table has, for every choice, its processor time over that of the quickest run with no
-larger error, the geometric mean over its resolutions: 1 is on the front everywhere. Writes pareto_<problem>.csv,
-pareto.md and pareto.png. A problem that is run alone leaves the others' figures as they are.
+larger error, the geometric mean over its resolutions: 1 is on the front everywhere. A choice that finds no equilibrium
+in some problem is left out of it. Writes pareto_<problem>.csv, pareto.md and pareto.png. A problem that is run alone
+leaves the others' figures as they are.
 """
 
 import argparse
@@ -21,6 +22,8 @@ from pathlib import Path
 import numpy as np
 from verification_cases import collapse, columns, manufactured, waves
 from verification_cases.common import P_SPEED, S_SPEED, owned
+
+from periporo.core.relaxation import RelaxationError
 
 REFERENCES = ("bond_projected", "point_state, sharpened")
 REPEATED_BELOW = 0.1  # s: shorter runs are timed three times
@@ -39,7 +42,7 @@ MARKS = dict(zip(SCHEMES, "oDsP^x", strict=True))
 class Choice:
     """What a user may choose; the defaults are those of the program."""
 
-    scheme: str = "bond_projected"
+    scheme: str = "point_state, sharpened"
     influence: str = "cubic"
     m: float = 2.2
     safety: float = 0.8
@@ -124,11 +127,14 @@ def sweep(resolutions, error, quick):
 
 
 def measured(resolution, choice, error):
-    """The run's error and processor time, the least of three if it is short."""
+    """The run's error, infinite if it finds no equilibrium, and processor time, the least of three if it is short."""
     seconds = []
     while not seconds or (len(seconds) < 3 and seconds[0] < REPEATED_BELOW):
         began = time.process_time()
-        value = error(resolution, choice)
+        try:
+            value = error(resolution, choice)
+        except RelaxationError:
+            value = np.inf
         seconds.append(time.process_time() - began)
     return Run(choice, resolution, value, min(seconds))
 
@@ -179,14 +185,17 @@ def front(runs):
     """The runs that none is as quick as and more accurate than, from the quickest on."""
     found = []
     for run in sorted(runs, key=lambda r: (r.seconds, r.error)):
-        if not found or run.error < found[-1].error:
+        if run.error < (found[-1].error if found else np.inf):
             found.append(run)
     return found
 
 
 def excess(runs, choice):
     """Processor time over that of the quickest run that is no less accurate: geometric mean over the resolutions."""
-    ratios = [r.seconds / min(o.seconds for o in runs if o.error <= r.error) for r in runs if r.choice == choice]
+    own = [r for r in runs if r.choice == choice]
+    if not all(np.isfinite(r.error) for r in own):
+        return np.nan
+    ratios = [r.seconds / min(o.seconds for o in runs if o.error <= r.error) for r in own]
     return float(np.exp(np.log(ratios).mean())) if ratios else np.nan
 
 

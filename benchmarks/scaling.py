@@ -32,9 +32,8 @@ COMM = MPI.COMM_WORLD
 ELASTIC = {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
 SAND = {"model": "drucker_prager", "density": 1600.0, "bulk_modulus": 2e5, "shear_modulus": 1e5,
         "friction_angle": 15.0, "cohesion": 0.0}  # fmt: skip
-# fields that ghosts receive in each step, bond-projected scheme, one message each; where bonds begin or end anywhere
-# also the averages of stress and state, which the model leaves out
-EXCHANGES = (("position", "velocity"), ("share", "shape_inverse", "gradient"), ("flux",))
+# fields that ghosts receive in each step with the default scheme, one message each
+EXCHANGES = (("position", "velocity"), ("share", "gradient"), ("link", "spread"), ("flux",))
 RANKS = (1, 2, 4, 8, 16)
 SHARED_CORES = {"MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT": "64"}
 

@@ -37,7 +37,7 @@ ROUNDING = 1e-13  # and below this they are rounding
 SCHEMES = {
     "bond_projected": BondProjected,
     "point_state": PointState,
-    "point_state, sharpened": lambda h, name: PointState(h, name, sharpened=True),
+    "point_state, sharpened": lambda h, name: PointState(h, name, sharpened=SPACING),
     "sub_horizon": SubHorizon,
     "standard": Standard,
     "published": SubHorizonPublished,

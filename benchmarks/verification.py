@@ -4,8 +4,7 @@
 
 Runs every case, or one, and prints what it measures and must meet; exit status 1 if a target is missed. At full
 size, which takes about an hour, it puts the rows of the cases that it ran into the table; --quick runs the small
-sizes of the tests, and --scheme runs cases with another correspondence scheme, or with bond_projected whose bonds
-expand as their points do ("dilatation: points"): both only print.
+sizes of the tests, and --scheme runs cases with another correspondence scheme: both only print.
 """
 
 import argparse
@@ -13,17 +12,16 @@ import sys
 import time
 from pathlib import Path
 
-from verification_cases import CASES, SCHEMES
+from verification_cases import CASES, OPTIONS, SCHEMES
 
 PAGE = Path(__file__).parent.parent / "docs" / "verification.md"
-POINTS = "dilatation: points"  # as a scheme
 HEAD = "| case | what | figure | value | target | met | seconds |"
 
 
 def rows_of(case, scheme, full):
     """Lines of the table for one case."""
     began = time.perf_counter()
-    figures = case.run(full, {"scheme": "bond_projected", "dilatation": "points"} if scheme == POINTS else scheme)
+    figures = case.run(full, scheme)
     seconds = time.perf_counter() - began
     what = case.what if len(case.schemes) == 1 else f"{case.what} ({scheme})"
     verdict = {f: "" if f.target == "recorded" else "yes" if f.met else "**no**" for f in figures}
@@ -51,7 +49,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="small sizes; the table is left as it is")
     parser.add_argument("--case", choices=sorted({c.name for c in CASES}), help="only this case")
-    parser.add_argument("--scheme", choices=[*SCHEMES, POINTS], help="another scheme; the table is left as it is")
+    schemes = list(dict.fromkeys([*SCHEMES, *OPTIONS]))
+    parser.add_argument("--scheme", choices=schemes, help="another scheme; the table is left as it is")
     arguments = parser.parse_args()
     chosen = [case for case in CASES if arguments.case in (None, case.name)]
     lines, sound = [], True

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from periporo.core.energy import INTEGRATION, PRESCRIBED
+from periporo.core.jit import kernel
 from periporo.core.particles import Particles
 
 
@@ -73,7 +74,7 @@ class Gravity:
 
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Add to the external force."""
-        p.external_force[: p.owned] += p.mass[:, None] * self.acceleration
+        _add_weight(p.owned, p.mass, self.acceleration, p.external_force, p.dim)
 
 
 class Traction:
@@ -100,3 +101,10 @@ class ViscousDamping:
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Set the damping force."""
         p.damping_force[: p.owned] = -self.rate * p.mass[:, None] * p.velocity[: p.owned]
+
+
+@kernel
+def _add_weight(owned, mass, acceleration, force, dim):
+    for i in range(owned):
+        for a in range(len(dim)):
+            force[i, a] += mass[i] * acceleration[a]

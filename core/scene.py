@@ -35,7 +35,10 @@ def build(scene, comm) -> Simulation:
     if scene.pore_water is not None:
         water, materials = _pore_water(scene, materials)
     chosen = scene.correspondence
-    scheme = SCHEMES[chosen.scheme](scene.horizon * scene.spacing, scene.influence, **chosen.options())
+    options = chosen.options()
+    if "sharpened" in options:
+        options["sharpened"] *= scene.spacing  # of the grid
+    scheme = SCHEMES[chosen.scheme](scene.horizon * scene.spacing, scene.influence, **options)
     time_step = StableTimeStep(scene.time_step.safety, scene.time_step.fixed, scene.time_step.update)
     sim = Simulation(
         comm, particles, materials, scheme, spacing=scene.spacing, skin=SKIN * scene.spacing, time_step=time_step

@@ -42,6 +42,39 @@ def add_moments(typingctx, sums, i, j, pairs, k, factor, dim):
 
 
 @intrinsic
+def add_tuple(typingctx, target, i, value):
+    """Add a tuple to the first numbers of row i of `target`, (n, m) contiguous."""
+    width = len(value)
+
+    def code(context, builder, signature, arguments):
+        term = ir.Constant(ir.VectorType(ir.DoubleType(), width), ir.Undefined)
+        for k in range(width):
+            term = builder.insert_element(term, builder.extract_value(arguments[2], k), ir.IntType(32)(k))
+        _add(builder, _row_at(context, builder, signature, arguments, 0, arguments[1], width), term)
+        return context.get_dummy_value()
+
+    return types.void(target, types.intp, value), code
+
+
+@intrinsic
+def add_scaled(typingctx, target, i, source, j, factor, like):
+    """Add `factor` times the first numbers of row j of `source` to row i of `target`, as many as `like` has.
+
+    Both arrays are contiguous, (n, m) and (n', m').
+    """
+    width = len(like)
+
+    def code(context, builder, signature, arguments):
+        term = builder.load(_row_at(context, builder, signature, arguments, 2, arguments[3], width), align=8)
+        one = builder.insert_element(ir.Constant(term.type, ir.Undefined), arguments[4], ir.IntType(32)(0))
+        term = builder.fmul(term, _picked(builder, one, [0] * width))
+        _add(builder, _row_at(context, builder, signature, arguments, 0, arguments[1], width), term)
+        return context.get_dummy_value()
+
+    return types.void(target, types.intp, source, types.intp, types.float64, like), code
+
+
+@intrinsic
 def add_row(typingctx, target, i, terms, k, dim):
     """Add row k of the flat array `terms` to row i of `target`, (n, d*d) contiguous."""
     width = len(dim) ** 2
@@ -58,6 +91,13 @@ def _vector_at(context, builder, signature, arguments, number, row, width):
     """Pointer to `width` numbers from place width*row on of the array that is argument `number`."""
     array = context.make_array(signature.args[number])(context, builder, arguments[number])
     place = builder.gep(array.data, [builder.mul(row, row.type(width))])
+    return builder.bitcast(place, ir.VectorType(ir.DoubleType(), width).as_pointer())
+
+
+def _row_at(context, builder, signature, arguments, number, row, width):
+    """Pointer to the first `width` numbers of a row of the array (n, m) that is argument `number`."""
+    array = context.make_array(signature.args[number])(context, builder, arguments[number])
+    place = builder.gep(array.data, [builder.mul(row, builder.extract_value(array.shape, 1))])
     return builder.bitcast(place, ir.VectorType(ir.DoubleType(), width).as_pointer())
 
 

@@ -221,7 +221,7 @@ class SceneInput(SceneModel):
     influence: Literal["cubic", "conical", "gaussian", "constant"] = key("weight of a bond", default="cubic")
     correspondence: Correspondence = key(
         "scheme that turns bonds into deformation and stress into force: its name, or {scheme, options}",
-        default=CorrespondenceInput(scheme="bond_projected"),
+        default=CorrespondenceInput(scheme="point_state", sharpened=True),
     )
     materials: dict[Name, MaterialInput] = key("materials by name", min_length=1, max_length=1000)
     bodies: tuple[Body, ...] = key("what the scene consists of", min_length=1, max_length=1000)

@@ -3,9 +3,15 @@
 from dataclasses import dataclass
 
 from . import closed_forms, collapse, columns, energy, footing, kinematics, manufactured, motion, sliding, slopes, waves
-from .common import Figure
+from .common import DEFAULT, Figure
 
-SCHEMES = ("bond_projected", "point_state", "sub_horizon", "standard", "sub_horizon_published")
+OPTIONS = {
+    "point_state, sharpened": DEFAULT,
+    "bond_projected, points": {"scheme": "bond_projected", "dilatation": "points"},
+}  # names of schemes with options
+SCHEMES = (
+    "point_state, sharpened", "point_state", "bond_projected", "sub_horizon", "standard", "sub_horizon_published",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -18,7 +24,7 @@ class Case:
 
     def run(self, full: bool, scheme: str) -> list[Figure]:
         """The figures, at full or at small size."""
-        return self.function(full=full, scheme=scheme)
+        return self.function(full=full, scheme=OPTIONS.get(scheme, scheme))
 
     @property
     def what(self) -> str:
@@ -34,7 +40,7 @@ CASES = (
     Case("V3", motion.spectrum),
     Case("V3", motion.stability),
     Case("V4", energy.ledger),
-    Case("V4", energy.virtual_power, SCHEMES[:4]),
+    Case("V4", energy.virtual_power, SCHEMES[:5]),
     Case("V4", energy.stress_work),
     Case("V5", waves.wave_speed),
     Case("V6", manufactured.manufactured),
@@ -51,8 +57,8 @@ CASES = (
     Case("V15", sliding.sticking),
     Case("V15", sliding.stopping),
     Case("V15", sliding.published_friction),
-    Case("V20", footing.strip_footing),
-    Case("V21", slopes.vertical_cut),
+    Case("V20", footing.strip_footing, ("bond_projected",)),
+    Case("V21", slopes.vertical_cut, ("bond_projected",)),
     Case("V21", slopes.sand_slope),
     Case("collapse", collapse.collapse),
 )

@@ -3,6 +3,7 @@
 import numpy as np
 
 from .common import (
+    DEFAULT,
     DENSITY,
     GRAVITY,
     P_MODULUS,
@@ -50,7 +51,7 @@ def settled(rows, scheme, **keys):
     return stress, np.abs(settlement / target - 1.0).max()
 
 
-def self_weight(full=False, scheme="bond_projected"):
+def self_weight(full=False, scheme=DEFAULT):
     """V7: settled column; the settlement is that of the highest points."""
     rows = (10, 20, 40, 80) if full else (10, 20, 40)
     stress, settlement = np.array([settled(n, scheme) for n in rows]).T
@@ -61,7 +62,7 @@ def self_weight(full=False, scheme="bond_projected"):
     ]
 
 
-def sudden_weight(full=False, scheme="bond_projected"):
+def sudden_weight(full=False, scheme=DEFAULT):
     """V8: the same column, its weight switched on at once: a triangular wave between 0 and twice the weight."""
     rows = 80 if full else 40
     sim = _column(rows, scheme, {"type": "dynamics", "duration": 8.2 * HEIGHT / P_SPEED})

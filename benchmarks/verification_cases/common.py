@@ -48,7 +48,10 @@ def order(errors, factor=2.0) -> float:
     return float(np.log(errors[-2] / errors[-1]) / np.log(factor))
 
 
-def simulation(spacing, shapes, *, dimension=2, scheme="bond_projected", material=ELASTIC, jitter=0.0, **scene):
+DEFAULT = {"scheme": "point_state", "sharpened": True}  # that of a scene that names none
+
+
+def simulation(spacing, shapes, *, dimension=2, scheme=DEFAULT, material=ELASTIC, jitter=0.0, **scene):
     """A simulation, not started, of bodies of one material; `scene` holds more keys of the input file."""
     shapes = shapes if isinstance(shapes, list) else [shapes]
     bodies = [{"name": f"body{k}", "material": "soil", "shape": s, "jitter": jitter} for k, s in enumerate(shapes)]

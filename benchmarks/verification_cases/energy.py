@@ -4,6 +4,7 @@ import numpy as np
 
 from .common import (
     CAM_CLAY,
+    DEFAULT,
     ELASTIC,
     GRAVITY,
     P_SPEED,
@@ -34,7 +35,7 @@ class _Unsteady:
         return self.largest * (2.0 + np.sin(1.7 * sim.step_number)) / 3.0
 
 
-def ledger(full=False, scheme="bond_projected"):
+def ledger(full=False, scheme=DEFAULT):
     """V4 (a): a yielding column falls on a rough floor, pushed by a driven layer, damped, with unsteady steps."""
     spacing, steps = (0.0025, 20_000) if full else (0.01, 1500)
     sim = simulation(
@@ -102,7 +103,7 @@ class _StressPower:
         self.largest = max(self.largest, abs(self.work))
 
 
-def virtual_power(full=False, scheme="bond_projected"):
+def virtual_power(full=False, scheme=DEFAULT):
     """V4 (b) in one instant: power of force and of stress are opposite for any velocity and any stress."""
     figures = []
     for dimension in (2, 3):
@@ -165,7 +166,7 @@ def _falling_error(material, fraction, end, cells, scheme):
     return _measured(sim, steps)
 
 
-def stress_work(full=False, scheme="bond_projected"):
+def stress_work(full=False, scheme=DEFAULT):
     """V4 (b): work of the stress against work of the internal force."""
     affine = [_affine_error(n, scheme) for n in (100, 200)]
     figures = [

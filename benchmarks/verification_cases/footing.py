@@ -8,7 +8,7 @@ load is the force that the soil opposes to it, over its width, which is that of 
 
 import numpy as np
 
-from .common import Figure, Recorder, box, owned, simulation
+from .common import DEFAULT, Figure, Recorder, box, owned, simulation
 
 COHESION = 10e3  # Pa
 SHEAR = 1000.0 * COHESION
@@ -89,6 +89,6 @@ def strip_footing(full=False, scheme="bond_projected"):
             Figure("smooth, 24 points", plateau(*load_curve(24, scheme, rough=False))[0]),
             Figure("half the speed, 12 points, relative change", abs(slow / found[0, 0] - 1.0), at_most=0.01),
             *(Figure(f"dilatation: bond, {n} points", plateau(*load_curve(n, own))[0]) for n in (12, 24)),
-            *(Figure(f"point_state, {n} points", plateau(*load_curve(n, "point_state"))[0]) for n in (24, 48)),
+            *(Figure(f"point_state, sharpened, {n} points", plateau(*load_curve(n, DEFAULT))[0]) for n in (24, 48)),
         ]
     return figures

@@ -4,7 +4,7 @@ import numpy as np
 
 from periporo.core.tensors import component_count, from_matrix, to_matrix
 
-from .common import BULK, SHEAR, Figure, ImposedVelocity, box, hooke, order, owned, point_stress, simulation
+from .common import BULK, DEFAULT, SHEAR, Figure, ImposedVelocity, box, hooke, order, owned, point_stress, simulation
 
 
 def _cloud(dimension, scheme, count=None, **scene):
@@ -23,7 +23,7 @@ def _affine_step(gradient):
     return half @ (middle + middle.T) @ half.T / 2.0, 1.0 / np.linalg.det(unit - gradient)
 
 
-def affine_velocity(full=False, scheme="bond_projected"):
+def affine_velocity(full=False, scheme=DEFAULT):
     """V1: one step of an affine velocity field, whose strain must be exact at every point, surfaces included."""
     figures = []
     for dimension in (2, 3):
@@ -51,9 +51,9 @@ def _rotation(axis, angle):
     return np.eye(3) - np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
 
 
-def rigid_turns(full=False, scheme="bond_projected"):
+def rigid_turns(full=False, scheme=DEFAULT):
     """V2 (a): rigid rotation, 100 steps per turn: an initial stress must turn with the body, and none may appear."""
-    turns = 10 if not full else 1000 if scheme == "bond_projected" else 100
+    turns = 10 if not full else 1000 if scheme == DEFAULT else 100
     start = {"xx": 2e4, "yy": -1e4, "zz": 5e3, "xy": 7e3}
     figures = []
     for dimension in (2, 3):
@@ -97,7 +97,7 @@ def _sheared(steps, scheme):
     return worst / SHEAR
 
 
-def simple_shear(full=False, scheme="bond_projected"):
+def simple_shear(full=False, scheme=DEFAULT):
     """V10: simple shear to 2 of a hypoelastic cloud through many changes of neighbours (Jaumann rate)."""
     errors = [_sheared(steps, scheme) for steps in ((250, 500, 1000) if full else (500, 1000))]
     return [

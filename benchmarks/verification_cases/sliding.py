@@ -6,7 +6,7 @@ friction, which is real but hides the closed form.
 
 import numpy as np
 
-from .common import GRAVITY, Figure, box, owned, simulation
+from .common import DEFAULT, GRAVITY, Figure, box, owned, simulation
 
 ANGLE = np.radians(30.0)
 
@@ -35,7 +35,7 @@ def _advance(sim, end):
         sim.step()
 
 
-def incline(full=False, scheme="bond_projected"):
+def incline(full=False, scheme=DEFAULT):
     """V15: distance slid down a slope of 30 degrees with friction 0.1 in 0.99 s: g (sin - 0.1 cos) t^2 / 2."""
     sim = _block(0.1, ANGLE, 0.0, scheme, full)
     _advance(sim, 0.99)
@@ -47,7 +47,7 @@ def incline(full=False, scheme="bond_projected"):
     ]
 
 
-def sticking(full=False, scheme="bond_projected"):
+def sticking(full=False, scheme=DEFAULT):
     """V15: with friction 0.7 > tan 30 the block finds equilibrium on the slope, and stays there."""
     wait = {"name": "wait", "type": "dynamics", "duration": 1.0 if full else 0.1}
     stages = [{"name": "settle", "type": "relax"}, wait]
@@ -61,7 +61,7 @@ def sticking(full=False, scheme="bond_projected"):
     ]
 
 
-def stopping(full=False, scheme="bond_projected"):
+def stopping(full=False, scheme=DEFAULT):
     """V15: a block thrown along the level with 1 m/s stops after v^2 / (2 mu g)."""
     friction, speed = 0.3, 1.0
     sim = _block(friction, 0.0, speed, scheme, full)
@@ -74,7 +74,7 @@ def stopping(full=False, scheme="bond_projected"):
     ]
 
 
-def published_friction(full=False, scheme="bond_projected"):
+def published_friction(full=False, scheme=DEFAULT):
     """V15: the same throw on the published short-range contact, which is no friction: the block slides on."""
     friction, speed, spacing = 0.3, 1.0, 0.01
     figures = []

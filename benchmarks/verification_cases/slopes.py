@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from .common import BULK, DENSITY, GRAVITY, SHEAR, Figure, box, owned, simulation
+from .common import BULK, DEFAULT, DENSITY, GRAVITY, SHEAR, Figure, box, owned, simulation
 from .footing import flowing
 
 HEIGHT = 2.0  # of the cut, m
@@ -110,13 +110,13 @@ def vertical_cut(full=False, scheme="bond_projected"):
         found = bisect(partial(moves, make, 1e-4), 3.4, 4.6, 0.01 if full else 0.03)
         figures += _bracket(f"{rows} points high", found, STABILITY)
     if full:
-        for other, name in ((scheme, "dilatation: bond"), ("point_state", "point_state")):
+        for other, name in ((scheme, "dilatation: bond"), (DEFAULT, "point_state, sharpened")):
             found = bisect(partial(moves, partial(cut, rows=20, scheme=other), 1e-4), 3.4, 6.0, 0.01)
             figures += _bracket(f"20 points high, {name}", found, STABILITY, bounded=False)
     return figures
 
 
-def sand_slope(full=False, scheme="bond_projected"):
+def sand_slope(full=False, scheme=DEFAULT):
     """V21: infinite slope of sand, friction 30 degrees, tan(slope) at failure: tan(30), or sin(30) without dilation."""
     figures, rows = [], 24 if full else 12
     for dilation, name, exact in ((ANGLE, "associated flow", np.tan), (0.0, "no dilation", np.sin)):

@@ -2,18 +2,7 @@
 
 import numpy as np
 
-from .common import (
-    BULK,
-    P_MODULUS,
-    P_SPEED,
-    S_SPEED,
-    SHEAR,
-    Figure,
-    box,
-    order,
-    owned,
-    simulation,
-)
+from .common import BULK, DEFAULT, P_MODULUS, P_SPEED, S_SPEED, SHEAR, Figure, box, order, owned, simulation
 
 LATTICE_ERROR = 0.0118  # of the phase speed at 20 spacings per wavelength: cubic influence, horizon 2.2 spacings
 
@@ -64,7 +53,7 @@ def phase_speed(cells, shear, scheme, safety=None, **keys):
     return np.arccos(cosine) / (steps * sim.dt) / wave_number
 
 
-def wave_speed(full=False, scheme="bond_projected"):
+def wave_speed(full=False, scheme=DEFAULT):
     """V5: phase speed of P and S packets at 20 spacings per wavelength, and its order."""
     figures = []
     for name, shear, exact in (("P", False, P_SPEED), ("S", True, S_SPEED)):

@@ -1,4 +1,4 @@
-"""Bond-projected correspondence: the default scheme.
+"""Bond-projected correspondence: a constitutive law on every bond.
 
 A bond sees the mean of its two points' velocity gradients, corrected so that it maps the bond onto its own
 relative velocity (Behzadinasab, Trask & Bazilevs 2021):

@@ -267,8 +267,8 @@ def test_bond_of_unlike_points_has_the_size_of_their_mean(tmp_path):
     lines = [f"{0.01 * (k % 4)},{0.01 * (k // 4)},{v}" for k, v in enumerate(volume)]
     (tmp_path / "points.csv").write_text("\n".join(["x,y,volume", *lines]))
     shape = {"type": "points", "file": "points.csv"}
-    sim = build(parse_scene({**SCENE, "bodies": [{"name": "b", "material": "sand", "shape": shape}]}, tmp_path),
-                MPI.COMM_SELF)  # fmt: skip
+    bodies = [{"name": "b", "material": "sand", "shape": shape}]
+    sim = build(parse_scene({**SCENE, "correspondence": "bond_projected", "bodies": bodies}, tmp_path), MPI.COMM_SELF)
     sim.start()
     block = sim.bonds.blocks[0]
     mean = volume[sim.bonds.pairs.ids[block.pair[block.active]]].mean(axis=1)

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from periporo.core.rows import BOTH, FIRST, SECOND
 from periporo.core.scene import build
 from periporo.io.results import open_results
-from periporo.io.schema import load_scene
+from periporo.io.schema import load_scene, parse_scene
 from periporo.io.yaml_source import read_yaml
 
 SCENE = Path(__file__).parents[2] / "configs" / "arena_on_bedrock.yaml"
@@ -53,7 +53,7 @@ def test_shipped_scene_is_valid():
 
 
 def test_both_laws_act_in_the_bonds_across_the_interface(coarse):
-    sim = build(load_scene(coarse), MPI.COMM_SELF)
+    sim = build(parse_scene(read_yaml(coarse).data | {"correspondence": "bond_projected"}), MPI.COMM_SELF)
     sim.start()
     rock, sand = sim.bonds.blocks
     across = [set(b.pair[b.side != BOTH].tolist()) for b in (rock, sand)]

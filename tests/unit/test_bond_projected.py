@@ -140,7 +140,8 @@ def test_force_is_the_conjugate_of_the_stress_power(sim):
 def test_the_input_names_the_dilatation(scene_of, started):
     points = started(scene_of(correspondence={"scheme": "bond_projected", "dilatation": "points"}))
     own = started(scene_of(correspondence={"scheme": "bond_projected", "dilatation": "bond"}))
-    assert (points.scheme.taken, own.scheme.taken, started(scene_of()).scheme.taken) == (1.0, 0.0, 0.0)
+    default = started(scene_of(correspondence="bond_projected"))
+    assert (points.scheme.taken, own.scheme.taken, default.scheme.taken) == (1.0, 0.0, 0.0)
     with pytest.raises(InputError, match="'standard' has no option dilatation; leave it out, or choose bond_projected"):
         parse_scene(scene_of(correspondence={"scheme": "standard", "dilatation": "points"}))
 

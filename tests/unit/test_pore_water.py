@@ -74,7 +74,7 @@ def test_a_law_without_porosity_is_refused(scene_of, started):
 
 def test_start(scene_of, started, cam_clay_input):
     """Density, stress and bonding of the start: sigma_bar = sigma + S_r p_w I with the weight of the wet soil."""
-    sim = started(wet(scene_of, cam_clay_input))
+    sim = started(wet(scene_of, cam_clay_input, correspondence="bond_projected"))
     p, block, s_r = sim.particles, sim.bonds.blocks[0], at("fitted", 25e3)
     density = 2200 * 0.8 + 1000 * s_r * 0.2
     assert p.mass / p.volume == pytest.approx(density)
@@ -176,7 +176,7 @@ def test_internal_work_is_that_of_the_total_stress(scene_of, started, cam_clay_i
     errors = []
     for dt in (4e-5, 2e-5):
         soft = cam_clay_input | {"bulk_modulus": 3e5, "shear_modulus": 1e5, "preconsolidation": 1e7}
-        scene = wet(scene_of, soft, contacts=[], time_step={"fixed": dt})
+        scene = wet(scene_of, soft, contacts=[], time_step={"fixed": dt}, correspondence="bond_projected")
         sim = started(scene)
         sim._adapt_skin = lambda sim=sim: setattr(sim, "skin", sim.largest_skin)  # the rows must stay
         sim.rebuild()

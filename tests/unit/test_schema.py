@@ -28,7 +28,8 @@ def test_every_key_of_a_plane_scene():
 
 def test_space_and_defaults():
     scene = load_scene(SPACE)
-    assert (scene.horizon, scene.influence, scene.correspondence.scheme) == (2.2, "cubic", "bond_projected")
+    assert (scene.horizon, scene.influence) == (2.2, "cubic")
+    assert (scene.correspondence.scheme, scene.correspondence.options()) == ("point_state", {"sharpened": True})
     assert scene.gravity is None and scene.seed == 0 and scene.checkpoint is None
     assert scene.bodies[0].jitter == 0.0 and scene.contacts[0].stiffness is None
     assert (scene.time_step.safety, scene.time_step.update) == (0.8, 20)
