@@ -16,14 +16,11 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from verification_cases import CASES, Figure
-from verification_cases import SCHEMES as NAMED
+from verification_cases import CASES, SCHEMES, Figure
 
 from periporo.core.relaxation import RelaxationError
 
 TABLE = Path(__file__).resolve().parent.parent / "docs" / "figures" / "schemes_accuracy.md"
-SHARPENED = "point_state, sharpened"
-SCHEMES = (*NAMED[:2], SHARPENED, *NAMED[2:])
 NAMES = ("V5", "V6", "V7", "V8", "V9", "V2", "V3")  # the longest last
 
 
@@ -39,8 +36,7 @@ def figures_of(case, scheme, full, folder):
     if not file.exists():
         began = time.monotonic()
         try:
-            key = {"scheme": "point_state", "sharpened": True} if scheme == SHARPENED else scheme
-            outcome = [asdict(f) for f in case.run(full, key)]
+            outcome = [asdict(f) for f in case.run(full, scheme)]
         except RelaxationError as error:
             if scheme == SCHEMES[0]:
                 raise
@@ -85,7 +81,7 @@ def main():
     folder, full = arguments.folder.resolve(), not arguments.quick
     results = {}
     for name in NAMES:
-        for case in (c for c in CASES if c.name == name):
+        for case in (c for c in CASES if c.name == name and SCHEMES[0] in c.schemes):
             for scheme in SCHEMES:
                 chosen = arguments.only in (None, name) and arguments.scheme in (None, scheme) and not arguments.draw
                 if chosen or file_of(case, scheme, full, folder).exists():

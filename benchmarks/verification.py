@@ -23,7 +23,7 @@ def rows_of(case, scheme, full):
     began = time.perf_counter()
     figures = case.run(full, scheme)
     seconds = time.perf_counter() - began
-    what = case.what if len(case.schemes) == 1 else f"{case.what} ({scheme})"
+    what = case.what if case.schemes == SCHEMES[:1] else f"{case.what} ({scheme})"
     verdict = {f: "" if f.target == "recorded" else "yes" if f.met else "**no**" for f in figures}
     labels = [f"{what} | "] + [" | "] * (len(figures) - 1)
     times = [f"{seconds:.0f}"] + [""] * (len(figures) - 1)

@@ -8,6 +8,7 @@ from .common import DEFAULT, Figure
 OPTIONS = {
     "point_state, sharpened": DEFAULT,
     "bond_projected, points": {"scheme": "bond_projected", "dilatation": "points"},
+    "bond_projected, balance": {"scheme": "bond_projected", "balance": True},
 }  # names of schemes with options
 SCHEMES = (
     "point_state, sharpened", "point_state", "bond_projected", "sub_horizon", "standard", "sub_horizon_published",
@@ -44,6 +45,7 @@ CASES = (
     Case("V4", energy.stress_work),
     Case("V5", waves.wave_speed),
     Case("V6", manufactured.manufactured),
+    Case("V6", manufactured.in_balance, ("bond_projected, balance",)),
     Case("V7", columns.self_weight),
     Case("V8", columns.sudden_weight),
     Case("V9", motion.cantilever),
