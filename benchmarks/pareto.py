@@ -253,6 +253,7 @@ def draw(found, path):
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import NullFormatter
 
     figure, axes = plt.subplots(2, 3, figsize=(13, 8), layout="constrained")
     for ax, (name, runs) in zip(axes.flat, found.items(), strict=False):
@@ -264,6 +265,7 @@ def draw(found, path):
         own = [r for r in runs if r.choice == DEFAULT]
         ax.plot([r.seconds for r in own], [r.error for r in own], "r*-", ms=9, lw=0.7, label="defaults")
         ax.set(xscale="log", yscale="log", title=name, xlabel="processor time, s", ylabel="error")
+        ax.xaxis.set_minor_formatter(NullFormatter())
     for ax in axes.flat[len(found) :]:
         ax.set_axis_off()
     figure.legend(*axes.flat[0].get_legend_handles_labels(), loc="lower right", fontsize=11)
