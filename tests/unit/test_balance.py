@@ -13,12 +13,12 @@ from periporo.io.schema import parse_scene
 BALANCED = {"scheme": "bond_projected", "balance": True}
 
 
-@pytest.fixture(params=(2, 3))
+@pytest.fixture(params=((2, 0.1), (3, 0.1), (2, 0.2), (3, 0.2)), ids=str)
 def block(request, scene_of, started):
-    """A free block of points with 10 % jitter, at rest."""
-    d = request.param
+    """A free block of points with jitter, at rest."""
+    d, jitter = request.param
     scene = scene_of(d, (18, 16) if d == 2 else (9, 9, 9), contacts=[], correspondence=BALANCED)
-    scene["bodies"][0]["jitter"] = 0.1
+    scene["bodies"][0]["jitter"] = jitter
     return started(scene)
 
 
