@@ -85,8 +85,8 @@ def _product(comm, a, b) -> float:
 def inner_points(sim) -> np.ndarray:
     """1 for each owned point that neighbours surround and that has no neighbour near a surface, 0 for others.
 
-    At a surface a point and its neighbours are lopsided the same way, sum w V xi / sum w V |xi|. Displaced points inside
-    are so in many ways: the mean of a point's own vector and that of its neighbours tells which it is.
+    At a surface a point and its neighbours are lopsided the same way, sum w V xi / sum w V |xi|. Displaced points
+    inside are so in many ways: the mean of a point's own vector and that of its neighbours tells which it is.
     """
     p, pairs, n = sim.particles, sim.bonds.pairs, sim.particles.owned
     ends = pairs.first, pairs.second, pairs.weight
