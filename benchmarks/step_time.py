@@ -35,10 +35,10 @@ CASES = [
 ]  # fmt: skip
 
 
-def block(dimension, side, material, horizon=2.2, scheme="default"):
+def block(dimension, side, material, horizon=2.2, scheme=SCHEMES["default"]):
     """A started simulation of side**dimension points, spacing 1 m."""
     scene = {
-        "dimension": dimension, "spacing": 1.0, "horizon": horizon, "correspondence": SCHEMES[scheme],
+        "dimension": dimension, "spacing": 1.0, "horizon": horizon, "correspondence": scheme,
         "materials": {"soil": MATERIALS[material]},
         "bodies": [{"name": "block", "material": "soil",
                     "shape": {"type": "box", "lower": [0.0] * dimension, "upper": [float(side)] * dimension}}],
@@ -78,7 +78,7 @@ def main():
     arguments = parser.parse_args()
     print(f"{'case':>12s} {'scheme':>16s} {'points':>8s} {'us per point and step':>22s}")
     for dimension, side, material, scheme in [(*c[:3], scheme) for c in CASES for scheme in c[3]]:
-        sim = block(dimension, side, material, scheme=scheme)
+        sim = block(dimension, side, material, scheme=SCHEMES[scheme])
         prepare = shear if material == "cam_clay" else (lambda sim: None)
         measure(sim, 3, prepare)
         steps = max(5, int(arguments.steps * 1600 / sim.particles.owned))
