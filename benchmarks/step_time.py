@@ -1,7 +1,7 @@
 """Time per point and step of the parts of the step, one core, warm: `python benchmarks/step_time.py`.
 
 A square (or cube) of points with small random velocities moves freely; for Cam-Clay it is sheared so that every
-bond flows. Processor time, so that other work on the machine disturbs little; medians of five.
+row of the law flows. Processor time, so that other work on the machine disturbs little; medians of five.
 """
 
 import argparse
@@ -22,7 +22,20 @@ MATERIALS = {
 }  # fmt: skip
 
 
-def block(dimension, side, material, horizon=2.2, scheme="bond_projected"):
+SCHEMES = {
+    "default": {"scheme": "point_state", "sharpened": True}, "point_state": "point_state",
+    "bond_projected": "bond_projected", "standard": "standard",
+}  # fmt: skip
+CASES = [
+    (2, 40, "elastic", ("default", "point_state", "bond_projected", "standard")),
+    (2, 200, "elastic", ("default", "point_state", "bond_projected", "standard")),
+    (2, 40, "cam_clay", ("default", "bond_projected")), (2, 200, "cam_clay", ("default", "bond_projected")),
+    (3, 20, "elastic", ("default", "point_state", "bond_projected")), (3, 40, "elastic", ("default",)),
+    (3, 20, "cam_clay", ("default", "bond_projected")),
+]  # fmt: skip
+
+
+def block(dimension, side, material, horizon=2.2, scheme=SCHEMES["default"]):
     """A started simulation of side**dimension points, spacing 1 m."""
     scene = {
         "dimension": dimension, "spacing": 1.0, "horizon": horizon, "correspondence": scheme,
@@ -63,16 +76,14 @@ def main():
     parser.add_argument("--steps", type=int, default=100)
     parser.add_argument("--parts", action="store_true", help="also print the parts of the step")
     arguments = parser.parse_args()
-    cases = [(2, 40, "elastic"), (2, 200, "elastic"), (2, 40, "cam_clay"), (2, 200, "cam_clay"), (3, 20, "elastic"),
-             (3, 40, "elastic"), (3, 20, "cam_clay")]  # fmt: skip
-    print(f"{'case':>24s} {'points':>8s} {'us per point and step':>22s}")
-    for dimension, side, material in cases:
-        sim = block(dimension, side, material)
+    print(f"{'case':>12s} {'scheme':>16s} {'points':>8s} {'us per point and step':>22s}")
+    for dimension, side, material, scheme in [(*c[:3], scheme) for c in CASES for scheme in c[3]]:
+        sim = block(dimension, side, material, scheme=SCHEMES[scheme])
         prepare = shear if material == "cam_clay" else (lambda sim: None)
         measure(sim, 3, prepare)
         steps = max(5, int(arguments.steps * 1600 / sim.particles.owned))
         seconds, parts = measure(sim, steps, prepare)
-        print(f"{dimension}D {material:>20s} {sim.particles.owned:8d} {seconds * 1e6:22.3f}", flush=True)
+        print(f"{dimension}D {material:>9s} {scheme:>16s} {sim.particles.owned:8d} {seconds * 1e6:22.3f}", flush=True)
         if arguments.parts:
             print("".join(f"{'':26s}{k:16s} {v * 1e6:8.3f}\n" for k, v in parts.items()))
 

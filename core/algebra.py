@@ -91,10 +91,6 @@ def store(rows, i, start, value):
     """Write a tuple to columns `start` ... of row i."""
 
 
-def add(rows, i, start, value, factor):
-    """Add factor times a tuple to columns `start` ... of row i."""
-
-
 LANES = 64
 """Rows that are worked on together: a tile is a flat array in which quantity q of lane k is tile[q * LANES + k].
 
@@ -371,18 +367,6 @@ def _store(rows, i, start, value):
         store(rows, i, start + 1, value[1:])
 
     return write
-
-
-@overload(add)
-def _add(rows, i, start, value, factor):
-    if len(value) == 0:
-        return lambda rows, i, start, value, factor: None
-
-    def accumulate(rows, i, start, value, factor):
-        rows[i, start] += factor * value[0]
-        add(rows, i, start + 1, value[1:], factor)
-
-    return accumulate
 
 
 @overload(to_lane)

@@ -230,7 +230,7 @@ def _close_flux(point, active, stress, volume, share, g, shape_inverse, flux, di
         if active[r]:
             i = point[r]
             own = (1.0 + g) * share[i, 2] * volume[i]
-            la.add(flux, i, 0, la.full(la.symmetric_at(stress, r, 0, dim)), own)
+            add_tuple(flux, i, la.scaled(la.full(la.symmetric_at(stress, r, 0, dim)), own))
             z = la.scaled(la.matrix_at(flux, i, 0, dim), 1.0 / volume[i])
             la.store(flux, i, 0, la.times_shape(z, la.shape_at(shape_inverse, i, 0, dim)))
 
