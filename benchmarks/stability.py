@@ -213,9 +213,9 @@ def plot_runs(plt, runs, path):
     """Kinetic energy of the free block."""
     figure, axes = plt.subplots(figsize=(8, 4.2), layout="constrained")
     for number, (label, (step, energy)) in enumerate(runs.items()):
-        axes.semilogy(step / 1000, energy, "-" if number < 10 else "--", lw=1, label=label)
-    axes.set(xlabel="time steps, thousands", ylabel="kinetic energy / start", ylim=(1e-1, 1e6))
-    axes.legend(fontsize=8, loc="center right")
+        axes.loglog(step, energy, "-" if number < 10 else "--", lw=1, label=label)
+    axes.set(xlabel="time step", ylabel="kinetic energy / start", ylim=(1e-1, 1e6))
+    axes.legend(fontsize=8, loc="upper right")
     figure.savefig(path, dpi=130)
 
 
