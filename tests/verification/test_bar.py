@@ -38,13 +38,13 @@ def test_driven_point_reaches_the_peak_of_the_model_near_the_measured_one(bars, 
 def test_struck_bar_on_two_ranks_follows_the_driven_point(bars, tmp_path):
     """Apart from its inertia (0.7 MPa) the bar is one point; at the peak it stands still.
 
-    The points beside the driven ones strain less, which costs 0.6 % of stress at this spacing, 1.2 % at the double.
+    The points beside the driven ones strain less, which costs 1.0 % of stress at this spacing.
     """
     point = bars.driven("dry", tmp_path)
     bar = bars.struck_bar(tmp_path, ranks=2)
     expected = np.interp(bar["time_s"], point["time_s"], -point["stress_xx"])
     peak = expected.max()
-    assert bar["struck"].max() == pytest.approx(peak, rel=1e-2)
+    assert bar["struck"].max() == pytest.approx(peak, rel=1.5e-2)
     assert np.abs(bar["struck"] - expected).max() < 0.025 * peak  # ringing when the load is taken back
     assert bar["rest"][1] < 1e-3 * bar["struck"][1]  # after 10 us the wave is still on its way
     early = slice(1, 9)
