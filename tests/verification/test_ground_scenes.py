@@ -65,7 +65,7 @@ def test_ground_below_a_free_surface_that_is_not_modelled():
     stage = {"name": "rest", "type": "relax", "boundaries": ["floor", "left", "right", "lid"]}
     sim = run(stage=stage, boundaries=lid, initial_stress={"type": "geostatic", "K0": 0.5, "surface": 12.0})
     height, stress = inner_stress(sim)
-    assert stress[:, 1] == pytest.approx(-1700.0 * G * (12.0 - height), rel=0.015)  # the lid is felt three horizons deep
+    assert stress[:, 1] == pytest.approx(-1700.0 * G * (12.0 - height), rel=0.015)  # felt three horizons deep
     assert stress[:, 0] == pytest.approx(0.5 * stress[:, 1], rel=0.015)
 
 
