@@ -20,7 +20,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from verification_cases import collapse, columns, manufactured, waves
+from verification_cases import OPTIONS, collapse, columns, manufactured, waves
 from verification_cases.common import P_SPEED, S_SPEED, owned
 
 from periporo.core.relaxation import RelaxationError
@@ -28,13 +28,11 @@ from periporo.core.relaxation import RelaxationError
 REFERENCES = ("bond_projected", "point_state, sharpened")
 REPEATED_BELOW = 0.1  # s: shorter runs are timed three times
 SCHEMES = {
-    "bond_projected": "bond_projected",
-    "bond_projected, points": {"scheme": "bond_projected", "dilatation": "points"},
-    "point_state": "point_state",
-    "point_state, sharpened": {"scheme": "point_state", "sharpened": True},
-    "sub_horizon": "sub_horizon",
-    "standard": "standard",
-}
+    name: OPTIONS.get(name, name)
+    for name in (
+        "bond_projected", "bond_projected, points", "point_state", "point_state, sharpened", "sub_horizon", "standard",
+    )
+}  # fmt: skip
 MARKS = dict(zip(SCHEMES, "oDsP^x", strict=True))
 
 

@@ -11,11 +11,11 @@ import numpy as np
 from stability import block
 from step_time import block as soil_block
 from step_time import shear
+from verification_cases import OPTIONS
 
 REPEATS = 9
 CASES = ((2, "cubic", 2.2), (2, "cubic", 3.0), (3, "cubic", 2.2), (3, "cubic", 3.0))
 ENERGY_CONSISTENT = ("bond_projected", "point_state", "point_state, sharpened", "sub_horizon", "standard")
-OPTIONS = {"point_state, sharpened": {"scheme": "point_state", "sharpened": True}}
 STEPS = 20
 
 

@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 from mpi4py import MPI
+from verification_cases.common import DEFAULT
 
 from periporo.core.scene import build
 from periporo.io.schema import parse_scene
@@ -23,8 +24,7 @@ MATERIALS = {
 
 
 SCHEMES = {
-    "default": {"scheme": "point_state", "sharpened": True}, "point_state": "point_state",
-    "bond_projected": "bond_projected", "standard": "standard",
+    "default": DEFAULT, "point_state": "point_state", "bond_projected": "bond_projected", "standard": "standard",
 }  # fmt: skip
 CASES = [
     (2, 40, "elastic", ("default", "point_state", "bond_projected", "standard")),

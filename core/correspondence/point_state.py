@@ -67,8 +67,9 @@ class PointState(Standard):
         super().__init__(horizon, influence_name)
         self.closest = CLOSEST * horizon
         self.sharpened = sharpened > 0.0
-        grid = self.horizon / sharpened if sharpened > 0.0 else 0.0
-        self._factors = {d: sharpening.factor(d, grid, influence_name) if self.sharpened else 0.0 for d in (2, 3)}
+        self._factors = dict.fromkeys((2, 3), 0.0)
+        if self.sharpened:
+            self._factors = {d: sharpening.factor(d, self.horizon / sharpened, influence_name) for d in (2, 3)}
         self.rows = LinkedPointRows(self.sharpened)
 
     def deform(self, particles, bonds, halo, dt: float, material_dt: float) -> None:
@@ -79,7 +80,7 @@ class PointState(Standard):
         """
         super().deform(particles, bonds, halo, dt, material_dt)
         self._dt = dt
-        self._before = [None if _keeps_all(b) else (b.stress.copy(), *b.elastic_moduli()) for b in bonds.blocks]
+        self._before = [(None if _keeps_all(b) else b.stress.copy(), *b.elastic_moduli()) for b in bonds.blocks]
 
     def row_gradient(self, p, pairs, halo) -> np.ndarray:
         """The velocity gradients that laws see, L or M, in the first d^2 columns."""
@@ -118,13 +119,12 @@ class PointState(Standard):
         p.link[:] = 0.0
         if self.sharpened:
             p.spread[:] = 0.0
-        for block, before in zip(bonds.blocks, self._before, strict=True):
-            _find_ends(block.first, block.active, *_moduli(block, before), p.volume, p.share, p.link)
-            if before is not None:
+        for block, (turned, bulk, shear) in zip(bonds.blocks, self._before, strict=True):
+            _find_ends(block.first, block.active, bulk, shear, p.volume, p.share, p.link)
+            if turned is not None:
                 _find_response(
-                    block.first, block.active, *before[1:], before[0], block.strain_increment, block.stress, p.link,
-                    p.dim,
-                )  # fmt: skip
+                    block.first, block.active, bulk, shear, turned, block.strain_increment, block.stress, p.link, p.dim
+                )
             if self.sharpened:
                 sharpening.spread_stress(
                     block.first, block.active, block.total_stress, p.volume, p.share, self._factors[p.dimension],
@@ -136,10 +136,6 @@ class PointState(Standard):
 def _keeps_all(block):
     """Whether the law keeps all of its trial stress: then there is nothing to compare."""
     return getattr(block.material, "conservative", False)
-
-
-def _moduli(block, before):
-    return block.elastic_moduli() if before is None else before[1:]
 
 
 @inlined
