@@ -3,13 +3,13 @@
     python benchmarks/scaling.py sweep --dimension 2 --points 400 --weak   # 1 ... 16 ranks, as many points on each
     python benchmarks/scaling.py sweep --dimension 3 --points 13824        # the same number of points on all of them
     mpirun -n 4 python benchmarks/scaling.py collapse                      # balance while a column spreads fivefold
-    python benchmarks/scaling.py speedup --side 200                        # 40 000 points in the plane, 1 and 2 ranks
-    python benchmarks/scaling.py speedup --side 39 --dimension 3           # 59 319 points in space
+    mpirun -n 2 python benchmarks/scaling.py speedup --side 200            # 40 000 points in the plane, 1 and 2 ranks
+    mpirun -n 2 python benchmarks/scaling.py speedup --side 40 --dimension 3   # 64 000 points in space
     mpirun -n 2 python benchmarks/scaling.py parts --side 200              # where the time of a step goes
     python benchmarks/scaling.py memory --side 2000                        # 4 million points: set up and step
 
-Only `speedup`, `time` and `parts` measure time, and mean something with a core for each rank. The rest is counted, so
-that ranks may share cores. `sweep` and `speedup` start `count` and `time` by mpirun, which take the same words.
+Only `speedup` and `parts` measure time, and mean something with a core for each rank. The rest is counted, so that
+ranks may share cores. `sweep` starts `count` by mpirun, which takes the same words.
 """
 
 import argparse
@@ -38,7 +38,7 @@ RANKS = (1, 2, 4, 8, 16)
 SHARED_CORES = {"MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT": "64"}
 
 
-def block(counts, material=ELASTIC, **keys):
+def block(counts, material=ELASTIC, comm=COMM, **keys):
     """A block of `counts` points along each axis that drifts and shakes."""
     d = len(counts)
     scene = {
@@ -47,7 +47,7 @@ def block(counts, material=ELASTIC, **keys):
                     "shape": {"type": "box", "lower": [0.0] * d, "upper": [float(n) for n in counts]}}],
         "stages": [{"name": "free", "type": "dynamics", "duration": 1.0}],
     }  # fmt: skip
-    sim = build(parse_scene(scene | keys), COMM)
+    sim = build(parse_scene(scene | keys), comm)
     sim.start()
     return sim
 
@@ -173,37 +173,47 @@ def collapse(arguments):
               f"{max(seen):.3f}", flush=True)  # fmt: skip
 
 
-def measure(arguments):
-    """Median time of a step over several batches; rank 0 prints it as JSON."""
-    sim = block(arguments.counts or [arguments.side] * arguments.dimension)
-    for _ in range(5):
-        sim.step()
-    figures = []
-    for _ in range(arguments.batches):
-        COMM.Barrier()
-        began = time.perf_counter()
-        for _ in range(arguments.steps):
-            sim.step()
-        COMM.Barrier()
-        figures.append((time.perf_counter() - began) / arguments.steps)
-    sim.halo.close()
-    if COMM.rank == 0:
-        print(json.dumps({"median": np.median(figures), "smallest": min(figures)}), flush=True)
-
-
 def speedup(arguments):
-    """Time of a step on one rank and on two, in turns, and their ratio."""
-    words = ("time", "--dimension", arguments.dimension, "--side", arguments.side, "--steps", arguments.steps)
-    times = {ranks: [] for ranks in (1, 2)}
+    """Time of a step alone and on all ranks, in turns; and alone on every rank at once, which share the memory.
+
+    Machines slow down and recover within seconds, so every round has all three, and ratios are those of a round.
+    """
+    counts = arguments.counts or [arguments.side] * arguments.dimension
+    shared, alone = block(counts), block(counts, comm=MPI.COMM_SELF)
+    for sim in (shared, alone):
+        timed(sim, 5)
+    figures = []
     for _ in range(arguments.rounds):
-        for ranks, seen in times.items():
-            seen.append(json.loads(start(ranks, *words))["median"] * 1e3)
-    one, two = (np.median(times[ranks]) for ranks in (1, 2))
-    for ranks, seen in times.items():
-        listed = ", ".join(f"{t:.3f}" for t in seen)
-        print(f"{ranks} rank{'s' if ranks > 1 else ''}: {np.median(seen):.3f} ms per step ({listed})")
-    print(f"{arguments.side**arguments.dimension:,} points in {arguments.dimension}D: two ranks are "
-          f"{one / two:.2f} times as fast as one", flush=True)  # fmt: skip
+        single = timed(alone, arguments.steps) if COMM.rank == 0 else 0.0
+        sleep_until_all_arrive()
+        together = timed(alone, arguments.steps)
+        COMM.Barrier()
+        figures.append((single, together, timed(shared, arguments.steps)))
+        COMM.Barrier()
+    shared.halo.close()
+    figures = np.max(COMM.allgather(figures), axis=0)
+    if COMM.rank == 0:
+        single, together, divided = figures.T
+        print("per round, ms per step alone / alone on every rank at once / divided among the ranks: "
+              + ", ".join(" / ".join(f"{t * 1e3:.2f}" for t in row) for row in figures))  # fmt: skip
+        print(f"{np.prod(counts):,} points in {len(counts)}D: {COMM.size} ranks are {np.median(single / divided):.2f} "
+              f"times as fast as one (rounds {(single / divided).min():.2f} to {(single / divided).max():.2f}); "
+              f"without the memory they share {np.median(together / divided):.2f}", flush=True)  # fmt: skip
+
+
+def timed(sim, steps):
+    """Seconds of a step."""
+    began = time.perf_counter()
+    for _ in range(steps):
+        sim.step()
+    return (time.perf_counter() - began) / steps
+
+
+def sleep_until_all_arrive():
+    """A barrier that leaves the processor to the others."""
+    request = COMM.Ibarrier()
+    while not request.Test():
+        time.sleep(1e-3)
 
 
 def parts(arguments):
@@ -239,7 +249,7 @@ def memory(arguments):
               f"per point, peak of the processes {peak / 1e9:.2f} GB, {peak / points:.0f} B per point")  # fmt: skip
 
 
-ACTIONS = {"count": count, "sweep": sweep, "collapse": collapse, "time": measure, "speedup": speedup, "parts": parts,
+ACTIONS = {"count": count, "sweep": sweep, "collapse": collapse, "speedup": speedup, "parts": parts,
            "memory": memory}  # fmt: skip
 
 
@@ -253,8 +263,7 @@ def main():
     parser.add_argument("--weak", action="store_true", help="sweep with --points on each rank")
     parser.add_argument("--ranks", type=int, nargs="+", default=RANKS, help="of sweep, powers of two")
     parser.add_argument("--steps", type=int, default=100)
-    parser.add_argument("--batches", type=int, default=5, help="of time")
-    parser.add_argument("--rounds", type=int, default=3, help="of speedup")
+    parser.add_argument("--rounds", type=int, default=9, help="of speedup")
     arguments = parser.parse_args()
     ACTIONS[arguments.what](arguments)
 

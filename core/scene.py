@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from periporo.core.boundary import Gravity, Traction, ViscousDamping
+from periporo.core.boundary import Gravity, Traction, ViscousDamping, without_overlaps
 from periporo.core.correspondence.balance import balance, tilt_field
 from periporo.core.correspondence.bond_projected import BondProjected
 from periporo.core.correspondence.point_state import PointState
@@ -156,6 +156,7 @@ def _stage(scene, sim, stage, contacts, lattices):
     for name in stage.boundaries:
         boundary = build_boundary(scene, name, lattices, moving=stage.type == "dynamics")
         (loads if isinstance(boundary, Traction) else motions).append(boundary)
+    motions = without_overlaps(motions)
     present = [c for model, c in contacts if is_present(model, stage)]
     if stage.type == "relax":
         return RelaxStage(stage.name, motions, present, loads, stage.tolerance, stage.max_steps)

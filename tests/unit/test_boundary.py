@@ -10,6 +10,7 @@ from periporo.core.boundary import (
     ViscousDamping,
     displacement_history,
     velocity_history,
+    without_overlaps,
 )
 
 SPACING = 0.01
@@ -88,3 +89,13 @@ def test_damped_free_motion_decays_exponentially(cloud):
     for _ in range(500):
         sim.step()
     assert sim.particles.velocity[0, 0] == pytest.approx(np.exp(-3.0 * sim.time), rel=5e-3)
+
+
+def test_the_last_motion_has_a_component_that_several_prescribe():
+    still, fast = velocity_history([0.0, 1.0], [0.0, 0.0]), velocity_history([0.0, 1.0], [2.0, 2.0])
+    first = PrescribedMotion(np.array([1, 2, 5]), {0: still, 1: still})
+    last = PrescribedMotion(np.array([2, 7]), {1: fast})
+    found = without_overlaps([first, last])
+    assert [(m.ids.tolist(), m.velocities) for m in found] == [
+        ([1, 5], {1: still}), ([1, 2, 5], {0: still}), ([2, 7], {1: fast}),
+    ]  # fmt: skip

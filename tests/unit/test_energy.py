@@ -65,6 +65,21 @@ def test_work_of_a_prescribed_motion_is_the_kinetic_energy_that_it_gives(cloud, 
     assert entries["kinetic_energy"] == pytest.approx(entries["prescribed_work"], rel=1e-9)
 
 
+def test_a_boundary_that_starts_at_once_gives_the_energy_it_takes(cloud, grid):
+    """The residual is the integrator's error of the wave alone: of second order in the step, from the first one on."""
+    residuals = []
+    for refined in (1, 2, 4):
+        sim = cloud(grid(8, 8, spacing=SPACING), fixed=4e-5 / refined)
+        sim.prescribed_motions = [PrescribedMotion(np.arange(8), {0: lambda time, dt: 1.0})]
+        for _ in range(4 * refined):
+            sim.step()
+        entries = sim.ledger.entries()
+        assert entries["energy_residual"] == pytest.approx(entries["integration_term"], abs=1e-12)
+        residuals.append(abs(entries["energy_residual"]) / entries["prescribed_work"])
+    assert residuals[0] < 0.02
+    assert np.log2(np.array(residuals[:-1]) / residuals[1:]) == pytest.approx(2.0, abs=0.3)
+
+
 def test_kinetic_energy(cloud, grid):
     sim = cloud(grid(3, 3, spacing=SPACING), fixed=1e-6, velocity=np.tile([3.0, -4.0], (9, 1)))
     assert sim.ledger.kinetic() == pytest.approx(12.5 * 9 * SPACING**2 * 1760.0, rel=1e-14)
