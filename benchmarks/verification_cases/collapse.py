@@ -25,10 +25,11 @@ class _Peak(Observer):
             self.kinetic = max(self.kinetic, sim.ledger.kinetic())
 
 
-def fallen(spacing, scheme, observers=(), **keys):
+def fallen(spacing, scheme, observers=(), jitter=0.0, **keys):
     """The simulation of the column after it has come to rest; `keys` take the place of others in the input."""
     scene = read_yaml(importlib.resources.files("periporo.configs") / "column_collapse.yaml").data
     scene |= {"spacing": spacing, "correspondence": scheme} | keys
+    scene["bodies"][0]["jitter"] = jitter
     sim = build(parse_scene(scene), MPI.COMM_SELF)
     sim.observers += observers
     sim.start()

@@ -35,6 +35,10 @@ def test_front_and_excess(pareto):
     assert pareto.excess(runs, pareto.Choice("c")) == pytest.approx(7.5**0.5)  # 2 s, and 30 in place of 4
     assert pareto.excess(runs, pareto.Choice("b")) == pytest.approx(1.5**0.5)
     assert np.isnan(pareto.excess(runs, pareto.Choice("d")))
+    runs += runs_of(pareto, ("standard", 1, 0.3, 0.5), ("standard", 2, 0.01, 9.0))  # quicker, but it is not stable
+    assert pareto.excess(runs, pareto.Choice("a")) == pytest.approx(2.0**0.5)
+    assert pareto.excess(runs, pareto.Choice("standard")) == pytest.approx(0.25**0.5)  # nothing beats its second run
+    assert [r.choice.scheme for r in pareto.front(pareto.stable(runs))] == ["a", "c", "b"]
 
 
 def test_defaults_are_those_of_the_program(pareto):
