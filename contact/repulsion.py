@@ -9,6 +9,7 @@ with the stress of a flow.
 import numpy as np
 
 from periporo.core import algebra as la
+from periporo.core.algebra import LANES
 from periporo.core.energy import ForceChannels
 from periporo.core.jit import kernel
 from periporo.core.particles import Particles
@@ -43,15 +44,22 @@ class Repulsion:
 
 @kernel
 def _repel(first, second, weight, closest, position, distance, stiffness, force, dim):
-    for b in range(first.shape[0]):
-        if weight[b] < closest:
+    for start in range(0, first.shape[0], LANES):
+        tile = weight[start : start + LANES]
+        near = 0
+        for k in range(tile.shape[0]):  # in vectors: most tiles have no close pair
+            near += 0 if tile[k] < closest else 1
+        if near == 0:
             continue
-        i, j = first[b], second[b]
-        xi = la.difference(position, i, j, dim)
-        r = np.sqrt(la.dot(xi, xi))
-        if not r < distance:
-            continue
-        pull = stiffness * (distance - r) / max(r, 1e-3 * distance)
-        for a in range(len(dim)):
-            force[i, a] -= pull * xi[a]
-            force[j, a] += pull * xi[a]
+        for b in range(start, start + tile.shape[0]):
+            if weight[b] < closest:
+                continue
+            i, j = first[b], second[b]
+            xi = la.difference(position, i, j, dim)
+            r = np.sqrt(la.dot(xi, xi))
+            if not r < distance:
+                continue
+            pull = stiffness * (distance - r) / max(r, 1e-3 * distance)
+            for a in range(len(dim)):
+                force[i, a] -= pull * xi[a]
+                force[j, a] += pull * xi[a]
