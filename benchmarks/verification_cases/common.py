@@ -131,7 +131,7 @@ def link_rates(sim, dt=0.0):
     residual = velocity - np.einsum("nab,nb->na", mean, xi)
     residual += 0.5 * dt * np.einsum("nab,nb->na", mean, residual)
     xi = xi - 0.5 * dt * velocity
-    return (xi * residual).sum(axis=1) / (xi**2).sum(axis=1)
+    return (xi * residual).sum(axis=1) / np.maximum((xi**2).sum(axis=1), sim.scheme.closest**2)
 
 
 def contract(a, b):

@@ -104,7 +104,10 @@ class _StressPower:
 
 
 def virtual_power(full=False, scheme=DEFAULT):
-    """V4 (b) in one instant: power of force and of stress are opposite for any velocity and any stress."""
+    """V4 (b) in one instant: power of force and of stress are opposite for any velocity and any stress.
+
+    Points are displaced, and two of them lie a tenth of a spacing apart.
+    """
     figures = []
     for dimension in (2, 3):
         counts = [9, 7, 5][:dimension]
@@ -115,6 +118,7 @@ def virtual_power(full=False, scheme=DEFAULT):
         random = np.random.default_rng(0)
         p, tiny = sim.particles, 1e-20
         p.velocity[:] = random.normal(size=p.velocity.shape)
+        p.position[1] = p.position[0] + 0.001 / np.sqrt(dimension)
         sim.scheme.deform(p, sim.bonds, sim.halo, tiny, tiny)
         power = size = 0.0
         for block in sim.bonds.blocks:
