@@ -38,7 +38,7 @@ def main():
     spacing = QUICK_SPACING if arguments.quick else 2.5e-3
     figures.draw_all(done, spacing, folder / "pictures" if arguments.quick else ROOT / "docs" / "figures")
     rows = table.lines(done)
-    print("\n".join(rows))
+    print("\n".join([*rows, *table.scatter_lines(done)]))
     if arguments.quick:
         (folder / "table.md").write_text("\n".join(rows) + "\n")
     else:

@@ -50,7 +50,7 @@ class _Book:
         self.spacing = spacing
 
     def folder(self, chosen, height, **key) -> Path | None:
-        """Folder of a run without variant, or None."""
+        """Folder of a run, by default one without variant, or None."""
         key = {"friction": SET_FRICTION[chosen], "suction": None, "variant": None, "spacing": self.spacing} | key
         wanted = {"set": chosen, "height": height} | key
         return next((f for c, f in self.done.items() if all(getattr(c, k) == v for k, v in wanted.items())), None)
@@ -108,18 +108,20 @@ class _Book:
         axes[0].plot(a, lube_run_out(a), "k-", lw=1, label="Lube et al. 2005")
         axes[0].plot(*zip(*LAJEUNESSE_RUN_OUT.items(), strict=True), "ks", mfc="none", label="Lajeunesse et al. 2005")
         axes[1].plot(a, lube_height(a), "k-", lw=1, label="Lube et al. 2005")
-        for colour, chosen in zip(COLOURS, SET_FRICTION, strict=False):
+        shown = [*((chosen, None) for chosen in SET_FRICTION), ("granular", "repose 30")]
+        for colour, (chosen, variant) in zip(COLOURS, shown, strict=False):
             for spacing, marker in ((5e-3, "^"), (2.5e-3, "o"), (1.25e-3, "D")):
-                folders = [self.folder(chosen, height, spacing=spacing) for height in HEIGHTS]
+                folders = [self.folder(chosen, height, spacing=spacing, variant=variant) for height in HEIGHTS]
                 runs = [(h / HALF_WIDTH, measure(self._case_of(f), f))
                         for h, f in zip(HEIGHTS, folders, strict=True) if f is not None]  # fmt: skip
-                style = {"color": colour, "marker": marker, "ls": "", "label": f"{chosen}, {1e3 * spacing:g} mm"}
+                label = f"{variant or chosen}, {1e3 * spacing:g} mm"
+                style = {"color": colour, "marker": marker, "ls": "", "label": label}
                 if runs:
                     axes[0].plot([x for x, _ in runs], [m.run_out for _, m in runs], **style)
                     axes[1].plot([x for x, _ in runs], [m.height for _, m in runs], **style)
         axes[0].set(xlabel="height / half-width", ylabel="run-out / half-width", ylim=(0, None))
         axes[1].set(xlabel="height / half-width", ylabel="height of the deposit / half-width", ylim=(0, None))
-        axes[0].legend()
+        axes[1].legend(*axes[0].get_legend_handles_labels(), loc="lower right")
         _save(figure, path)
 
     def final_by(self, name, values, path):

@@ -1,6 +1,6 @@
 """What is measured of a finished column, and the table of it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -81,6 +81,22 @@ def lines(done: dict[Case, Path]) -> list[str]:
             f"{100 * m.ledger:.2g} | {m.flying}{f', {m.lost} lost' if m.lost else ''} |"
         )
     return rows
+
+
+def scatter_lines(done: dict[Case, Path]) -> list[str]:
+    """Means and standard deviations over the runs that differ by the seed alone."""
+    groups = {}
+    for case, folder in done.items():
+        if case.variant is not None and case.variant.startswith("seed"):
+            groups.setdefault(replace(case, variant=None), []).append(measure(case, folder))
+    rows = ["| case | runs | run-out / w | height / w |", "|---|---|---|---|"]
+    for case, found in groups.items():
+        cells = []
+        for values in ([m.run_out for m in found], [m.height for m in found]):
+            spread = f" ± {np.std(values, ddof=1):.2f}" if len(values) > 1 else ""
+            cells.append(f"{np.mean(values):.2f}{spread}")
+        rows.append(f"| {case.name} | {len(found)} | {' | '.join(cells)} |")
+    return rows if len(rows) > 2 else []
 
 
 def put_into(page: Path, rows: list[str]) -> None:

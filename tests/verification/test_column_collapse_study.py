@@ -98,6 +98,14 @@ def test_the_table_is_replaced_and_the_text_stays(finished, tmp_path):
         table.put_into(tmp_path / "empty.md", rows)
 
 
+def test_scatter_is_that_of_runs_that_differ_by_the_seed(finished):
+    case, folder = finished
+    assert table.scatter_lines({case: folder}) == []
+    row = table.scatter_lines({replace(case, variant=f"seed {k}"): folder for k in (1, 2)})[-1]
+    m = table.measure(case, folder)
+    assert row == f"| {case.name} | 2 | {m.run_out:.2f} ± 0.00 | {m.height:.2f} ± 0.00 |"
+
+
 def test_laws_of_experiments():
     a = np.array([1.0, 2.0, 4.0])
     assert laws.lube_run_out(a) == pytest.approx([1.20, 2.40, 4.79], abs=0.005)
