@@ -8,6 +8,8 @@ and every few hundred steps, since a point in a nearly degenerate neighbourhood 
 ratio stays the same it is measured less and less often.
 """
 
+import math
+
 import numpy as np
 
 from periporo.core import algebra as la
@@ -16,7 +18,8 @@ from periporo.core.reductions import exact_sum, maximum
 from periporo.io.geometry import uniform
 from periporo.io.input_errors import InputError, Problem
 
-_LANCZOS_STEPS = 12
+_MOST_ITERATIONS = 12  # of Lanczos
+_CONVERGED = 2e-3  # relative change of the frequency in one of them
 _DRIFT = 0.1  # relative change of the local estimate after which the ratio is measured again
 _OFTEN, _SELDOM = 200, 800  # steps after which it is measured again in any case
 _STEADY = 0.02  # relative change of the ratio up to which it is measured less often
@@ -49,7 +52,7 @@ class StableTimeStep:
         drifted = not abs(local - self._calibrated_at) <= _DRIFT * self._calibrated_at
         if drifted or sim.step_number >= self._calibrated_in + self._pause:
             exact, alone = highest_frequency(sim), local_frequency(sim, ())
-            before, self.ratio = self.ratio, exact / alone if alone > 0.0 else 1.0
+            before, self.ratio = self.ratio, exact / alone if alone > 0.0 and exact > 0.0 else 1.0
             steady = not drifted and abs(self.ratio - before) <= _STEADY * before
             self._pause = min(2 * self._pause, _SELDOM) if steady else _OFTEN
             self._calibrated_at, self._calibrated_in = local, sim.step_number
@@ -87,7 +90,8 @@ def highest_frequency(sim) -> float:
     """Highest frequency of the elastic operator of all bonds by Lanczos iteration, rad/s.
 
     The moduli are those of the present stress and state. These, and what points carry, are put aside meanwhile; nothing
-    of the simulation changes.
+    of the simulation changes. It starts from random numbers everywhere: where points look stiffest by themselves, the
+    highest mode often is not, and an iteration that starts there finds a lower one.
     """
     p, n = sim.particles, sim.particles.owned
     for block in sim.bonds.blocks:
@@ -98,14 +102,15 @@ def highest_frequency(sim) -> float:
     root_mass = np.sqrt(p.mass)[:, None]
     vector = uniform(p.id[:n], p.dimension, seed=1) - 0.5
     previous, beta = np.zeros_like(vector), 0.0
-    diagonal, beside = [], []
+    diagonal, beside, value = [], [], 0.0
     vector /= np.sqrt(_inner(sim, vector, vector))
-    for _ in range(_LANCZOS_STEPS):
+    for _ in range(_MOST_ITERATIONS):
         image = apply_stiffness(sim, vector / root_mass) / root_mass
         diagonal.append(_inner(sim, vector, image))
+        before, value = value, _largest_eigenvalue(diagonal, beside)
         image -= diagonal[-1] * vector + beta * previous
         previous, beta = vector, np.sqrt(_inner(sim, image, image))
-        if not beta > 1e-6 * abs(diagonal[0]):
+        if value - before <= 2.0 * _CONVERGED * value or not beta > 1e-6 * abs(diagonal[0]):
             break
         vector = image / beta
         beside.append(beta)
@@ -115,9 +120,13 @@ def highest_frequency(sim) -> float:
         block.total, block.held_moduli = total, None
     for name, values in points.items():
         getattr(p, name)[:] = values
-    off = beside[: len(diagonal) - 1]
-    matrix = np.diag(diagonal) + np.diag(off, 1) + np.diag(off, -1)
-    return float(np.sqrt(max(np.linalg.eigvalsh(matrix)[-1], 0.0)))
+    return math.sqrt(max(value, 0.0))
+
+
+def _largest_eigenvalue(diagonal, beside):
+    """Of the symmetric tridiagonal matrix with these entries; NaN stays."""
+    matrix = np.diag(diagonal) + np.diag(beside, 1) + np.diag(beside, -1)
+    return float(np.linalg.eigvalsh(matrix)[-1]) if np.isfinite(matrix).all() else np.nan
 
 
 def _inner(sim, a, b):
