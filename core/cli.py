@@ -19,6 +19,13 @@ TOOLS = {  # word -> module with add_arguments and run, and what it does
 }
 INPUT_ERROR, RUN_ERROR = 2, 3
 
+_OTHER_MPIRUN = "Use the mpirun that belongs to it (with the extra 'mpi': the one in the environment's bin folder)."
+LAUNCHERS = {  # variable with the number of processes -> who sets it, and what to do instead; the first one counts
+    "OMPI_COMM_WORLD_SIZE": ("Open MPI's mpirun", _OTHER_MPIRUN),
+    "PMI_SIZE": ("MPICH's mpirun", _OTHER_MPIRUN),
+    "SLURM_STEP_NUM_TASKS": ("srun", "Use srun --mpi=pmix for Open MPI, --mpi=pmi2 for MPICH, or its own mpirun."),
+}
+
 
 def main(argv: list[str] | None = None) -> int:
     """Entry point; returns the exit status: 0 done, 1 differences found, 2 bad input, 3 the run failed."""
@@ -110,22 +117,20 @@ def _simulate(arguments) -> int:
 
 
 def _refuse_foreign_launcher() -> None:
-    """Another MPI's mpirun starts unconnected copies of a program built on mpich: say so instead.
-
-    Open MPI sets OMPI_COMM_WORLD_SIZE, which an mpich library does not understand.
-    """
+    """A launcher that the MPI library does not understand starts unconnected copies of a program: say so instead."""
     from mpi4py import MPI
 
-    launched = int(os.environ.get("OMPI_COMM_WORLD_SIZE", "1"))
-    if launched > 1 and MPI.COMM_WORLD.size == 1:
-        name, version = MPI.get_vendor()
-        print(
-            f"periporo: started by Open MPI's mpirun as {launched} processes, but mpi4py here is built on {name} "
-            f"{'.'.join(map(str, version))}, so they do not see each other. Use the mpirun that belongs to it "
-            "(with the extra 'mpi': the one in the environment's bin folder).",
-            file=sys.stderr,
-        )
-        raise SystemExit(INPUT_ERROR)
+    variable = next((name for name in LAUNCHERS if name in os.environ), None)
+    if variable is None or int(os.environ[variable]) < 2 or MPI.COMM_WORLD.size > 1:
+        return
+    launcher, remedy = LAUNCHERS[variable]
+    name, version = MPI.get_vendor()
+    print(
+        f"periporo: started by {launcher} as {os.environ[variable]} processes, but mpi4py here is built on {name} "
+        f"{'.'.join(map(str, version))}, so they do not see each other. {remedy}",
+        file=sys.stderr,
+    )
+    raise SystemExit(INPUT_ERROR)
 
 
 if __name__ == "__main__":

@@ -208,10 +208,26 @@ def test_tools_work_on_a_result(call, scene):
     assert call("compare", "scene.h5", "scene.h5")[0] == 0
 
 
-def test_foreign_launcher_is_told_apart(call, scene, monkeypatch):
-    monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "4")
-    status, _, error = call(scene())
-    assert status == 2 and "Open MPI's mpirun as 4 processes" in error and "mpirun that belongs to it" in error
+@pytest.mark.parametrize(
+    ("variable", "words"),
+    [
+        ("OMPI_COMM_WORLD_SIZE", ("Open MPI's mpirun as 4 processes", "mpirun that belongs to it")),
+        ("PMI_SIZE", ("MPICH's mpirun as 4 processes", "mpirun that belongs to it")),
+        ("SLURM_STEP_NUM_TASKS", ("srun as 4 processes", "--mpi=pmi2")),
+    ],
+)
+def test_foreign_launcher_is_told_apart(call, scene, tmp_path, monkeypatch, variable, words):
+    for name in cli.LAUNCHERS:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv(variable, "4")
+    assert_refused(call(scene()), tmp_path, *words, width=400)
+
+
+def test_one_process_may_come_from_any_launcher(call, scene, monkeypatch):
+    """As below mpirun -n 1 in a step of a job that has more tasks: the innermost launcher counts."""
+    monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "1")
+    monkeypatch.setenv("SLURM_STEP_NUM_TASKS", "4")
+    assert call("check", scene())[0] == 0
 
 
 def test_console_script_and_module_are_the_same(tmp_path):
