@@ -21,8 +21,9 @@ from periporo.materials.elastic import Elastic
 
 ELASTIC = {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
 SOFT = {"model": "elastic", "density": 2100.0, "bulk_modulus": 10e6, "shear_modulus": 4e6}
-# MPICH waits busily, which starves the others when there are more ranks than cores: let it sleep instead
-PATIENT = {"MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT": "64"}
+# More ranks than cores: MPICH waits busily, which starves the others, so let it sleep; Open MPI refuses, so allow it
+PATIENT = {"MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT": "64",
+           "OMPI_MCA_rmaps_base_oversubscribe": "1"}  # fmt: skip
 CAM_CLAY = {
     "model": "cam_clay", "grain_density": 2200.0, "porosity": 0.2, "bulk_modulus": 25e6, "shear_modulus": 15e6,
     "critical_state_slope": 1.1, "compression_index": 0.12, "swelling_index": 0.04, "viscosity": 1000.0,

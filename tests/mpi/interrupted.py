@@ -22,8 +22,11 @@ COMM = MPI.COMM_WORLD
 
 
 def mpirun():
-    """The process that started the one that started us."""
-    return int(Path(f"/proc/{os.getppid()}/stat").read_text().rpartition(")")[2].split()[1])
+    """The launcher's process: the parent with Open MPI, its parent with MPICH, which puts a proxy between."""
+    process = os.getppid()
+    while not Path(f"/proc/{process}/comm").read_text().startswith(("mpirun", "mpiexec")):
+        process = int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[1])
+    return process
 
 
 def check_after_signal(self, sim, check=Keeper.check):

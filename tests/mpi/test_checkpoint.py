@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 import yaml
+from mpi4py import MPI
 
 from periporo.core.scene import SCHEMES
 
@@ -143,6 +144,8 @@ def test_the_batch_systems_signals_reach_the_ranks(interrupt, tmp_path):
     write_scene(tmp_path, scene)
     run = interrupt(2, name="mpirun:SIGUSR1", step=20)
     assert run.returncode == 0 and "step 20: scene.checkpoint" in run.stdout, run.stderr
+    if MPI.get_vendor()[0] == "Open MPI":
+        pytest.skip("its mpirun answers SIGTERM by ending the ranks, with status 1 and without their last words")
     one = contents(tmp_path / "scene.h5")
     for step, target, words in ((10, "mpirun", ["--overwrite"]), (20, "everyone", ["--resume"])):
         run = interrupt(2, *words, name=f"{target}:SIGTERM", step=step)
