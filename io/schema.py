@@ -108,9 +108,9 @@ Stage = Annotated[RelaxStage | DynamicsStage, Field(discriminator="type")]
 SchemeName = Literal["bond_projected", "point_state", "standard", "sub_horizon", "sub_horizon_published"]
 
 
-_SCHEME_OF = {
-    "self_point": "sub_horizon_published", "average_ends": "sub_horizon_published", "dilatation": "bond_projected",
-    "sharpened": "point_state", "balance": "bond_projected",
+_SCHEMES_WITH = {  # option -> schemes that have it
+    "self_point": ("sub_horizon_published",), "average_ends": ("sub_horizon_published",),
+    "dilatation": ("bond_projected",), "sharpened": ("point_state",), "balance": ("point_state", "bond_projected"),
 }  # fmt: skip
 
 
@@ -136,24 +136,25 @@ class CorrespondenceInput(SceneModel):
     )
 
     balance: Flag | None = key(
-        "tilt bonds so that forces balance in a uniform stress, for displaced points that stay neighbours "
-        "(bond_projected, default false)",
+        "tilt gradients so that forces balance in a uniform stress, for displaced points that stay neighbours "
+        "(point_state, bond_projected, default false)",
         default=None,
     )
 
     @model_validator(mode="after")
     def _has_the_options(self):
         for option in self.options():
-            scheme = _SCHEME_OF[option]
-            if self.scheme != scheme:
-                raise ValueError(f"'{self.scheme}' has no option {option}; leave it out, or choose {scheme}")
+            schemes = _SCHEMES_WITH[option]
+            if self.scheme not in schemes:
+                choice = " or ".join(schemes)
+                raise ValueError(f"'{self.scheme}' has no option {option}; leave it out, or choose {choice}")
         if self.balance and self.dilatation == "points":
             raise ValueError("balance needs bonds with a volume change of their own; leave out dilatation, or balance")
         return self
 
     def options(self) -> dict[str, bool | str]:
         """The options that were given, by name."""
-        return {name: getattr(self, name) for name in _SCHEME_OF if getattr(self, name) is not None}
+        return {name: getattr(self, name) for name in _SCHEMES_WITH if getattr(self, name) is not None}
 
 
 def _name_as_scheme(value: Any) -> Any:

@@ -9,10 +9,13 @@ OPTIONS = {
     "point_state, sharpened": DEFAULT,
     "bond_projected, points": {"scheme": "bond_projected", "dilatation": "points"},
     "bond_projected, balance": {"scheme": "bond_projected", "balance": True},
+    "point_state, sharpened, balance": {"scheme": "point_state", "sharpened": True, "balance": True},
 }  # names of schemes with options
 SCHEMES = (
     "point_state, sharpened", "point_state", "bond_projected", "sub_horizon", "standard", "sub_horizon_published",
 )  # fmt: skip
+
+BALANCED = ("point_state, sharpened, balance", "bond_projected, balance")
 
 
 @dataclass(frozen=True)
@@ -41,11 +44,11 @@ CASES = (
     Case("V3", motion.spectrum),
     Case("V3", motion.stability),
     Case("V4", energy.ledger),
-    Case("V4", energy.virtual_power, SCHEMES[:5]),
+    Case("V4", energy.virtual_power, (*SCHEMES[:5], *BALANCED)),
     Case("V4", energy.stress_work),
     Case("V5", waves.wave_speed),
     Case("V6", manufactured.manufactured),
-    Case("V6", manufactured.in_balance, ("bond_projected, balance",)),
+    Case("V6", manufactured.in_balance, BALANCED),
     Case("V7", columns.self_weight),
     Case("V8", columns.sudden_weight),
     Case("V9", motion.cantilever),

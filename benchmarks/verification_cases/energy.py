@@ -106,7 +106,7 @@ class _StressPower:
 def virtual_power(full=False, scheme=DEFAULT):
     """V4 (b) in one instant: power of force and of stress are opposite for any velocity and any stress.
 
-    Points are displaced, and two of them lie a tenth of a spacing apart.
+    Points are displaced, two of them lie a tenth of a spacing apart, and tilts, where there are any, are at random.
     """
     figures = []
     for dimension in (2, 3):
@@ -119,6 +119,8 @@ def virtual_power(full=False, scheme=DEFAULT):
         p, tiny = sim.particles, 1e-20
         p.velocity[:] = random.normal(size=p.velocity.shape)
         p.position[1] = p.position[0] + 0.001 / np.sqrt(dimension)
+        if "tilt" in p.fields:
+            p.tilt[:] = 100.0 * random.normal(size=p.tilt.shape)
         sim.scheme.deform(p, sim.bonds, sim.halo, tiny, tiny)
         power = size = 0.0
         for block in sim.bonds.blocks:

@@ -74,7 +74,7 @@ def manufactured(full=False, scheme=DEFAULT):
 
 
 def in_balance(full=False, scheme=DEFAULT):
-    """V6: the same on the cloud, its bonds in balance."""
+    """V6: the same on the cloud, in balance."""
     return _convergence("cloud in balance", full, scheme, 0.1, 1.5)
 
 

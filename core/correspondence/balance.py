@@ -1,4 +1,4 @@
-"""Bonds of displaced points in balance: a uniform stress exerts no force on points inside a body.
+"""Displaced points in balance: a uniform stress exerts no force on points inside a body.
 
 Off a grid the forces of equal volumes do not balance in a uniform stress. Points give way until they do, so that a
 cloud is softer than its material, in proportion to the square of the displacement and whatever the spacing. With one
@@ -8,9 +8,10 @@ vector a_i for each point, the tilt, a bond takes
 
 in place of xi/|xi|^2. As the residual v_j - v_i - L xi vanishes in any affine motion, this leaves linear fields exact,
 momenta conserved and the elastic operator symmetric and positive; and the forces of a uniform stress,
-sigma sum_b c_b dL_b/dv_i, depend linearly on the tilts, which are chosen so that they vanish. This is the integration
-constraint of Chen et al. (2001) and of variationally consistent integration (Chen, Hillman & Rueter 2013), met by the
-gradients that trial and test functions share.
+sigma sum_b c_b dL_b/dv_i, depend linearly on the tilts, which are chosen so that they vanish. For points see
+`periporo.core.correspondence.point_tilts`. This is the integration constraint of Chen et al. (2001) and of
+variationally consistent integration (Chen, Hillman & Rueter 2013), met by the gradients that trial and test functions
+share.
 """
 
 import math
@@ -23,6 +24,7 @@ from periporo.core.particles import Field
 from periporo.core.reductions import exact_sum
 
 ITERATIONS = 20
+EXHAUSTED = 1e-8  # part of a direction that is new
 CUT = {
     2: 0.2,
     3: 0.15,
@@ -51,11 +53,12 @@ def balance(sim) -> None:
     residual, tilt, directions = -unbalanced, np.zeros((n, p.dimension)), []
     for _ in range(ITERATIONS):
         step, image = residual, _force(sim, inner, residual) - unbalanced
+        length = math.sqrt(_product(sim.comm, image, image))
         for other, of_other in directions:
             overlap = _product(sim.comm, image, of_other)
             step, image = step - overlap * other, image - overlap * of_other
         size = math.sqrt(_product(sim.comm, image, image))
-        if not size > 0.0:  # in balance to the last bit, as a grid may be
+        if not size > EXHAUSTED * length:  # what is left is rounding: on a grid, or where few points are inside
             break
         step, image = step / size, image / size
         directions.append((step, image))

@@ -13,7 +13,8 @@ S_i = J_i V_i beta_i sigma_i:
     Z_i = S_i - sum_b (c/2) s xi (x) n,  B_i = Z_i K_i^-1 / V_i,  f_ij = w V_i V_j (B_i + B_j) xi + c s n.
 
 `sharpened`: in place of L the laws see M, with which waves are of fourth order and affine motion still exact
-(`periporo.core.correspondence.sharpening`).
+(`periporo.core.correspondence.sharpening`). `balance`: L is tilted, for displaced points that stay neighbours
+(`periporo.core.correspondence.point_tilts`).
 
 Where a law returns an elastic trial stress by a factor r, it returns small additions across the flow by r as well, and
 so does the scheme with the bond's number. Deviator and mean of the stress sigma of a point tell the factor,
@@ -29,7 +30,7 @@ positive semi-definite, momenta are conserved to rounding.
 import numpy as np
 
 from periporo.core import algebra as la
-from periporo.core.correspondence import sharpening
+from periporo.core.correspondence import point_tilts, sharpening
 from periporo.core.correspondence.bond_projected import CLOSEST
 from periporo.core.correspondence.standard import Standard
 from periporo.core.jit import inlined, kernel
@@ -45,13 +46,14 @@ class LinkedPointRows(PointRows):
 
     linked = True
 
-    def __init__(self, sharpened: bool):
-        self.sharpened = sharpened
+    def __init__(self, sharpened: bool, balanced: bool):
+        self.sharpened, self.balanced = sharpened, balanced
 
     def fields(self, dimension: int, components: int) -> tuple[Field, ...]:
         """What links need to know of both ends, and the gradients that rows see."""
         ends = Field("link", 4, "Pa, 1, 1, m^3", migrates=False)  # E, r, V beta J/W, V beta
-        return (ends, *(sharpening.fields(dimension) if self.sharpened else ()))
+        sharp = sharpening.fields(dimension) if self.sharpened else ()
+        return (ends, *sharp, *(point_tilts.fields(dimension) if self.balanced else ()))
 
 
 class PointState(Standard):
@@ -59,10 +61,11 @@ class PointState(Standard):
 
     name = "point_state"
 
-    def __init__(self, horizon: float, influence_name: str, *, sharpened: float = 0.0):
+    def __init__(self, horizon: float, influence_name: str, *, sharpened: float = 0.0, balance: bool = False):
         """`horizon` m; `influence_name` one of `influence.NAMES`.
 
-        `sharpened` is the spacing, m, of the grid on which laws see sharpened gradients, or 0: they see L.
+        `sharpened` is the spacing, m, of the grid on which laws see sharpened gradients, or 0: they see L. With
+        `balance` gradients are tilted; points have the field `tilt` then.
         """
         super().__init__(horizon, influence_name)
         self.closest = CLOSEST * horizon
@@ -70,7 +73,8 @@ class PointState(Standard):
         self._factors = dict.fromkeys((2, 3), 0.0)
         if self.sharpened:
             self._factors = {d: sharpening.factor(d, self.horizon / sharpened, influence_name) for d in (2, 3)}
-        self.rows = LinkedPointRows(self.sharpened)
+        self.balanced = balance
+        self.rows = LinkedPointRows(self.sharpened, self.balanced)
 
     def deform(self, particles, bonds, halo, dt: float, material_dt: float) -> None:
         """Strain increment of every active row over the step that ends at the present positions.
@@ -78,12 +82,14 @@ class PointState(Standard):
         Stress and tensor-valued state are turned to the end of the step; points that become regular get their
         state, for which a material sees a step of `material_dt` s.
         """
-        super().deform(particles, bonds, halo, dt, material_dt)
         self._dt = dt
+        super().deform(particles, bonds, halo, dt, material_dt)
         self._before = [(None if _keeps_all(b) else b.stress.copy(), *b.elastic_moduli()) for b in bonds.blocks]
 
     def row_gradient(self, p, pairs, halo) -> np.ndarray:
         """The velocity gradients that laws see, L or M, in the first d^2 columns."""
+        if self.balanced:
+            point_tilts.tilt_gradients(p, pairs, self._dt)
         if not self.sharpened:
             return p.gradient
         halo.update(p, "share", "gradient")
@@ -105,14 +111,18 @@ class PointState(Standard):
             pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.gradient, p.link, spread, self.closest,
             self._dt, links.active, links.stress, pull, p.flux, p.dim,
         )  # fmt: skip
+        factor = self._factors[p.dimension]
         for block in bonds.blocks:
+            if self.balanced:
+                point_tilts.tilt_flux(block, p, factor)
             _close_flux(
-                block.first, block.active, block.total_stress, p.volume, p.share, self._factors[p.dimension],
-                p.shape_inverse, p.flux, p.dim,
-            )  # fmt: skip
-        halo.update(p, "flux")
+                block.first, block.active, block.total_stress, p.volume, p.share, factor, p.shape_inverse, p.flux, p.dim
+            )
+        halo.update(p, "flux", *(("tilt_force",) if self.balanced else ()))
         force[:] = 0.0
         _add_force(pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.flux, pull, force, p.dim)
+        if self.balanced:
+            point_tilts.add_force(p, pairs, force)
 
     def _describe_ends(self, p, bonds, halo):
         """Tell all points what their links need: E, r and volumes, and the stress that neighbours see of them."""

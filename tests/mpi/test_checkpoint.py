@@ -154,7 +154,8 @@ def test_the_batch_systems_signals_reach_the_ranks(interrupt, tmp_path):
     assert_same_bits(one, contents(tmp_path / "scene.h5"))
 
 
-OPTIONS = [{"scheme": "point_state", "sharpened": True}, {"scheme": "bond_projected", "balance": True}]
+OPTIONS = [{"scheme": "point_state", "sharpened": True}, {"scheme": "bond_projected", "balance": True},
+            {"scheme": "point_state", "sharpened": True, "balance": True}]  # fmt: skip
 
 
 @pytest.mark.parametrize("scheme", [*(name for name in SCHEMES if name != "bond_projected"), *OPTIONS], ids=str)
