@@ -1,6 +1,6 @@
 """Run time against error: which scheme, horizon, influence and time step are worth their cost?
 
-    python benchmarks/pareto.py [--quick] [--problem V5] [--folder docs/figures]
+    python benchmarks/pareto.py [--quick] [--problem V5] [--draw] [--folder docs/figures]
 
 Sweeps scheme x influence x m x spacing x safety of the time step over five problems: V5, plane P and S packets (error
 of the phase speed); V6, a manufactured solution on a grid and on a cloud (displacement, L2); V7, a column under its
@@ -10,9 +10,10 @@ to rest, so every collapse is run three times, from grids that are shaken by 2 %
 processor time of the run with kernels compiled before; the least of some repetitions where a run is short. A run is on
 the front if none is as quick and more accurate; what the default is to be compared with is the front of the stable
 schemes, without `standard`. The second table has, for every choice, its processor time over that of the quickest stable
-run with no larger error, the geometric mean over its resolutions: 1 is on that front everywhere. A choice that finds no
-equilibrium in some problem is left out of it. Writes pareto_<problem>.csv, pareto.md and pareto.png. A problem that is
-run alone leaves the others' figures as they are.
+run with no larger error, the geometric mean over its resolutions: 1 is on that front everywhere. A choice is on the
+front of all problems together if no stable one is at least as near to it in each of them. A choice that finds no
+equilibrium in some problem is left out. Writes pareto_<problem>.csv, pareto.md and pareto.png. A problem that is run
+alone leaves the others' figures as they are; --draw runs none.
 """
 
 import argparse
@@ -206,6 +207,11 @@ def excess(runs, choice):
     return float(np.exp(np.log(ratios).mean())) if ratios else np.nan
 
 
+def dominates(one, other):
+    """Whether ratios (problems,) are nowhere larger than others, and smaller somewhere."""
+    return bool((one <= other).all() and (one < other).any())
+
+
 def path_of(folder, problem):
     """Where the runs of a problem are kept."""
     return folder / f"pareto_{problem.replace(' ', '_')}.csv"
@@ -246,12 +252,14 @@ def tables(found):
     complete = {c: float(np.exp(np.log(r).mean())) for c, r in ratios.items() if np.isfinite(r).all()}
     ranked = sorted(complete, key=complete.get)
     shown = ranked[:12] + [c for c in ranked[12:] if c == DEFAULT or c == Choice(c.scheme)]
-    lines += ["", f"| place of {len(ranked)} | scheme | influence | m | safety | " + " | ".join(found) + " | mean |",
-              "|---" * (6 + len(found)) + "|"]  # fmt: skip
+    candidates = {c: r for c, r in ratios.items() if c in complete and c.scheme not in UNSTABLE}
+    columns = ["scheme", "influence", "m", "safety", *found, "mean", "front"]
+    lines += ["", f"| place of {len(ranked)} | {' | '.join(columns)} |", "|---" * (1 + len(columns)) + "|"]
     for c in shown:
         values = " | ".join(f"{r:.2f}" for r in ratios[c])
         words = f"{c.scheme} | {c.influence} | {c.m} | {c.safety}"
-        lines.append(f"| {ranked.index(c) + 1} | {words} | {values} | {complete[c]:.2f} |")
+        best = "yes" if c in candidates and not any(dominates(r, ratios[c]) for r in candidates.values()) else ""
+        lines.append(f"| {ranked.index(c) + 1} | {words} | {values} | {complete[c]:.2f} | {best} |")
     return lines
 
 
@@ -287,10 +295,12 @@ def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="few and small runs: a minute")
     parser.add_argument("--problem", choices=PROBLEMS, help="only this one")
+    parser.add_argument("--draw", action="store_true", help="tables and picture of the runs that are there")
     parser.add_argument("--folder", type=Path, default=Path(__file__).parent.parent / "docs" / "figures")
     arguments = parser.parse_args(arguments)
     arguments.folder.mkdir(parents=True, exist_ok=True)
-    for name in [arguments.problem] if arguments.problem else PROBLEMS:
+    chosen = [arguments.problem] if arguments.problem else PROBLEMS
+    for name in [] if arguments.draw else chosen:
         began = time.perf_counter()
         runs = list(PROBLEMS[name](arguments.quick))
         write_runs(path_of(arguments.folder, name), runs)

@@ -41,6 +41,12 @@ def test_front_and_excess(pareto):
     assert [r.choice.scheme for r in pareto.front(pareto.stable(runs))] == ["a", "c", "b"]
 
 
+def test_what_is_nowhere_worse_and_somewhere_better_dominates(pareto):
+    one, other, third = np.array([1.0, 2.0]), np.array([1.0, 3.0]), np.array([0.5, 4.0])
+    assert pareto.dominates(one, other) and not pareto.dominates(other, one)
+    assert not pareto.dominates(one, one) and not pareto.dominates(one, third) and not pareto.dominates(third, one)
+
+
 def test_defaults_are_those_of_the_program(pareto):
     fields = SceneInput.model_fields
     assert fields["horizon"].default == pareto.DEFAULT.m and fields["influence"].default == pareto.DEFAULT.influence
