@@ -23,7 +23,7 @@ from periporo.core.jit import inlined, kernel
 from periporo.core.particles import Field
 from periporo.core.reductions import exact_sum
 
-ITERATIONS = 20
+ITERATIONS = 40
 EXHAUSTED = 1e-8  # part of a direction that is new
 CUT = {
     2: 0.2,

@@ -122,7 +122,7 @@ def test_a_column_of_displaced_points_collapses_as_without_and_comes_to_rest(sch
 
 
 def test_few_inner_points_are_balanced_without_adding_up_rounding(scene_of, started):
-    """Four points, eight unknowns: twenty directions are more than there are."""
+    """Four points, eight unknowns: forty directions are more than there are."""
     scene = scene_of(counts=(8, 8), correspondence=POINTS)
     scene["bodies"][0]["jitter"] = 0.1
     sim = started(scene)
