@@ -30,6 +30,10 @@ class Pairs:
         self.ids = np.stack([p.id[self.first], p.id[self.second]], axis=1)
         self.weight, self.count = np.zeros(found), np.zeros(p.total, np.int64)
 
+    def per_point(self, total: int) -> np.ndarray:
+        """How many listed pairs each of `total` points has, (total,) float64."""
+        return sum(np.bincount(end, minlength=total) for end in (self.first, self.second)).astype(float)
+
 
 def find_pairs(particles, rows: np.ndarray, group: np.ndarray, reach: float, capacity: int = 1024) -> np.ndarray:
     """Ends (2, n) uint32 of all pairs among `rows` closer than `reach` m, of equal `group` and with an owned end.

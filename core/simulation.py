@@ -114,9 +114,7 @@ class Simulation:
             mean = self.comm.allreduce(mine) / self.comm.size
             if maximum(self.comm, mine) <= _IMBALANCE * mean:
                 return
-        weight = np.diff(self.bonds.incidence_start)[: p.owned].astype(float)
-        if len(weight) != p.owned or self.domain is None:
-            weight = np.ones(p.owned)
+        weight = np.ones(p.owned) if self.domain is None else self.bonds.pairs.per_point(p.total)[: p.owned]
         self.domain = decomposition.bisect(self.comm, p.position[: p.owned], weight)
 
     def neighbours_are_stale(self) -> bool:

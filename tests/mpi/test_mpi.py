@@ -1,5 +1,6 @@
 """Several ranks: the same bits as on one, one voice, and no hang when something fails."""
 
+import json
 import time
 from pathlib import Path
 
@@ -177,3 +178,32 @@ def test_an_unwritable_result_is_reported_once_by_all_ranks(mpirun, tmp_path, sc
     run = mpirun(2, *CLI, "scene.yaml", "--quiet", "--overwrite", folder=tmp_path)
     assert run.returncode == 2 and run.stderr.count("scene.h5") == 1, run.stderr
     assert "Traceback" not in run.stderr and time.monotonic() - began < 120
+
+
+SHARES = """
+import json, sys
+from mpi4py import MPI
+from periporo import Simulation
+sim = Simulation.from_scene(json.loads(sys.argv[1]))
+sim.start()
+shares = []
+while sim.rebuild_count < 5:
+    sim.step()
+    shares.append(MPI.COMM_WORLD.allgather(len(sim.bonds.pairs.first)))
+if MPI.COMM_WORLD.rank == 0:
+    print(json.dumps([max(s) * len(s) / sum(s) for s in shares]))
+"""
+
+
+def test_ranks_share_pairs_and_not_points(mpirun, scene_of, tmp_path):
+    """A strip of two rows has as many points as the block beside it, and a third fewer pairs."""
+    scene = scene_of(counts=(20, 20), contacts=[], gravity=[0.0, 0.0])
+    block, d = scene["bodies"][0], scene["spacing"]
+    (_, y), right = block["shape"]["lower"], block["shape"]["upper"][0]
+    strip = {"type": "box", "lower": [right + 5 * d, y], "upper": [right + 205 * d, y + 2 * d]}
+    moving = {"material": block["material"], "velocity": [3.0, 0.0]}
+    scene["bodies"] = [block | moving, {"name": "strip", "shape": strip} | moving]
+    done = mpirun(2, "-c", SHARES, json.dumps(scene), folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    imbalance = json.loads(done.stdout)
+    assert imbalance[0] > 1.15 and imbalance[-1] < 1.08, imbalance
