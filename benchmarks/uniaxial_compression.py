@@ -22,6 +22,7 @@ import numpy as np
 import yaml
 from mpi4py import MPI
 from uniaxial_figures import draw
+from verification_cases import BALANCED, OPTIONS
 
 from periporo.core import fields
 from periporo.core.cli import RUN_ERROR
@@ -40,12 +41,6 @@ PLANE_MODULUS = (
     4.0 * SHEAR * (3.0 * BULK + SHEAR) / (3.0 * BULK + 4.0 * SHEAR)
 )  # E/(1 - nu^2): free sides, plane strain
 SHARPENED, PUBLISHED = "point_state, sharpened", "sub_horizon_published"
-BALANCED = "bond_projected, balance", "point_state, sharpened, balance"
-OPTIONS = {
-    SHARPENED: {"scheme": "point_state", "sharpened": True},
-    BALANCED[0]: {"scheme": "bond_projected", "balance": True},
-    BALANCED[1]: {"scheme": "point_state", "sharpened": True, "balance": True},
-}
 STABLE = ("bond_projected", "point_state", SHARPENED, "sub_horizon")
 TIMES_LOWER = 20.0  # than in `standard`, that is what the oscillations of a stable scheme must be
 GROWTH = 1e5  # of the largest kinetic energy that there can be: a run without a watchdog ends there

@@ -39,15 +39,15 @@ class _Held:
         free[np.isin(p.id[: p.owned], self.ids)] = 0.0
 
 
-def solution_error(cells, jitter, scheme, layers=1, **keys):
+def solution_error(cells, jitter, scheme, **keys):
     """Relative L2 error of the displacement of the free points; `keys` of the input file may name another horizon.
 
-    The unit square is surrounded by layers of the depth of the horizon: two, if a surface is not to be felt through the
+    The unit square is framed to twice the depth of the horizon, so that no surface is felt, not even through the
     gradients of neighbours' neighbours. One step of prescribed motion takes all points to the exact solution; from
     there the free points relax.
     """
     spacing = 1.0 / cells
-    depth = layers * np.ceil(keys.get("horizon", 2.2)) * spacing
+    depth = 2.0 * np.ceil(keys.get("horizon", 2.2)) * spacing
     sim = simulation(spacing, box([-depth, -depth], [1 + depth, 1 + depth]), scheme=scheme, jitter=jitter, **keys)
     sim.start()
     sim.prescribed_motions = [ImposedVelocity(lambda x, dt: _exact(x) / dt)]
@@ -80,6 +80,6 @@ def in_balance(full=False, scheme=DEFAULT):
 
 def _convergence(name, full, scheme, jitter, least):
     resolutions = (8, 16, 32, 64) if full else (8, 16)
-    errors = [solution_error(n, jitter, scheme, layers=2) for n in resolutions]
+    errors = [solution_error(n, jitter, scheme) for n in resolutions]
     listed = [Figure(f"error on the {name}, h = 1/{n}", e) for n, e in zip(resolutions, errors, strict=True)]
     return [*listed, Figure(f"order on the {name}", order(errors), at_least=least)]
