@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from step_time import block
 
-from periporo.core.correspondence import kinematics, moments, point_state, sharpening
+from periporo.core.correspondence import flux, kinematics, moments, point_state, sharpening
 
 # flops per pair or point, (2D, 3D): additions and multiplications, divisions and roots as one each
 FLOPS = {
@@ -100,8 +100,7 @@ def kernels(sim) -> dict:
                 law.first, law.active, law.total_stress, p.volume, p.share, 0.5, p.shape_inverse, p.flux, p.dim),
             points, 8 * (c + 1 + 3 + shape + 2 * m)),
         "force": (
-            lambda: point_state._add_force(
-                pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.flux, pull, force, p.dim),
+            lambda: flux.add_flux_force(p, pairs, force, pull),
             near, ends + 16 + 2 * 8 * (d + 1 + m) + 4 * 8 * d),
     }  # fmt: skip
 

@@ -27,15 +27,16 @@ stiffness, which grows like 1/|xi|^2, would set the time step of the whole scene
 import numpy as np
 
 from periporo.core import algebra as la
+from periporo.core import vectors
 from periporo.core.algebra import LANES
 from periporo.core.correspondence import balance, kinematics
+from periporo.core.correspondence.flux import add_flux_force
 from periporo.core.correspondence.influence import influence_table, support
 from periporo.core.correspondence.moments import update_neighbourhoods
 from periporo.core.correspondence.springs import add_spring
 from periporo.core.jit import inlined, kernel
 from periporo.core.reductions import any_rank
 from periporo.core.rows import BOTH, FIRST, PairRows
-from periporo.core.vectors import add_row
 
 CLOSEST = 0.27  # of the horizon: with m = 2.2 what points that are a fifth of a spacing out of place keep, 0.6
 
@@ -122,7 +123,7 @@ class BondProjected:
             )  # fmt: skip
         _close_flux(p.owned, p.volume, p.shape_inverse, p.flux, p.dim)
         halo.update(p, "flux")
-        _add_flux_force(pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.flux, force, p.dim)
+        add_flux_force(p, pairs, force)
 
     def add_springs(self, particles, bonds, block, bulk, shear, springs) -> None:
         """Add the stiffness of the points' bonds, with moduli (n,) Pa of the block's rows."""
@@ -173,45 +174,29 @@ def _correct_tile(tile, extra, closest, taken, tilted, dim):
         la.to_lane(tile, 0, k, la.plus_spherical(own, -taken / len(dim) * la.dot(residual, n)))
 
 
-@inlined
-def _along(stress, x, taken):
-    """Stress times x, less `taken` of the stress's spherical part."""
-    return la.minus(la.apply_symmetric(stress, x), la.scaled(x, taken * la.mean_normal(stress, x)))
-
-
 @kernel
 def _add_own_force(
     pair, side, active, first, second, weight, position, volume, share, stress, closest, taken, tilt, flux, force,
     dim,
 ):  # fmt: skip
     """Add the bond's own part c sigma n of t_ij to both ends, and (c/2)(sigma - (sigma n) (x) xi) to Z of both."""
-    n_matrix = len(dim) * len(dim)
-    terms, ends = np.zeros(LANES * n_matrix), np.zeros((2, LANES), np.int64)
-    used = 0
+    last, own_force, own_flux = -1, vectors.zero(dim), vectors.zero(la.zero_matrix(dim))
     for r in range(pair.shape[0]):
-        if active[r]:
-            b = pair[r]
-            i, j = first[b], second[b]
-            xi = la.difference(position, i, j, dim)
-            n = direction(xi, closest)
-            if tilt.shape[0] > 0:
-                n = la.minus(n, la.difference(tilt, j, i, dim))
-            s = la.symmetric_at(stress, r, 0, dim)
-            c = row_volume(side[r], weight[b] * volume[i] * volume[j], share, i, j)
-            along = _along(s, n, taken)
-            for a in range(len(dim)):
-                force[i, a] += c * along[a]
-                force[j, a] -= c * along[a]
-            z = la.plus_dyad(la.full(s), along, la.scaled(xi, -1.0))
-            for a in range(n_matrix):
-                terms[used * n_matrix + a] = 0.5 * c * z[a]
-            ends[0, used], ends[1, used] = i, j
-            used += 1
-        if used == LANES or r == pair.shape[0] - 1:
-            for k in range(used):
-                add_row(flux, ends[0, k], terms, k, dim)
-                add_row(flux, ends[1, k], terms, k, dim)
-            used = 0
+        if not active[r]:
+            continue
+        b = pair[r]
+        i, j = first[b], second[b]
+        xi = vectors.difference(position, i, j, dim)
+        n = xi * (1.0 / max(vectors.dot(xi, xi), closest * closest))
+        if tilt.shape[0] > 0:
+            n += vectors.difference(tilt, i, j, dim)
+        sigma = vectors.full(vectors.row(stress, r, la.zero_symmetric(dim)))
+        c = row_volume(side[r], weight[b] * volume[i] * volume[j], share, i, j)
+        along = vectors.apply(sigma, n) - n * (taken / len(dim) * vectors.trace(sigma))
+        z = (sigma - vectors.dyad(along, xi)) * (0.5 * c)
+        along = along * c
+        _, own_force = vectors.add_to_ends(force, i, j, along, along * -1.0, last, own_force)
+        last, own_flux = vectors.add_to_ends(flux, i, j, z, z, last, own_flux)
 
 
 @kernel
@@ -220,20 +205,6 @@ def _close_flux(owned, volume, shape_inverse, flux, dim):
         z = la.scaled(la.matrix_at(flux, i, 0, dim), 1.0 / volume[i])
         z = la.times_shape(z, la.shape_at(shape_inverse, i, 0, dim))
         la.store(flux, i, 0, z)
-
-
-@kernel
-def _add_flux_force(first, second, weight, position, volume, flux, force, dim):
-    """Add the part w V_i V_j (B_i + B_j) xi of t_ij to both ends."""
-    for b in range(first.shape[0]):
-        if weight[b] == 0.0:
-            continue
-        i, j = first[b], second[b]
-        wvv = 2.0 * weight[b] * volume[i] * volume[j]
-        t = la.apply(la.mean_matrix(flux, i, j, dim), la.difference(position, i, j, dim))
-        for a in range(len(dim)):
-            force[i, a] += wvv * t[a]
-            force[j, a] -= wvv * t[a]
 
 
 @kernel

@@ -3,10 +3,11 @@
 import numpy as np
 
 from periporo.core import algebra as la
+from periporo.core import vectors
 from periporo.core.algebra import LANES
 from periporo.core.correspondence.influence import influence
 from periporo.core.jit import inlined, kernel
-from periporo.core.vectors import WIDTH, add_moments
+from periporo.core.vectors import WIDTH
 
 LOOSEST = 1.25  # volume, over the initial one, of the loosest packing: what is beyond are gaps between grains
 DEGENERATE, REGULAR = 0.01, 0.05  # of the width of a neighbourhood, squared, over the horizon squared
@@ -54,35 +55,36 @@ def _sum_moments(first, second, weight, count, position, velocity, volume, horiz
     crossed = 0
     terms = np.zeros(LANES * WIDTH)
     terms[::WIDTH] = 1.0
-    square, factor, changed = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES, np.int8)
+    square, factor = np.zeros(LANES), np.zeros(LANES)
+    last, own = -1, vectors.moments(terms, 0, dim)
     for start in range(0, first.shape[0], LANES):
         used = min(LANES, first.shape[0] - start)
         for k in range(used):
             i, j = first[start + k], second[start + k]
-            xi = la.difference(position, i, j, dim)
-            dv = la.difference(velocity, i, j, dim)
-            square[k] = la.dot(xi, xi)
+            xi = vectors.difference(position, i, j, dim)
+            vectors.put_at(terms, WIDTH * k + 1, xi)
+            vectors.put_at(terms, WIDTH * k + 1 + len(dim), vectors.difference(velocity, i, j, dim))
+            square[k] = vectors.dot(xi, xi)
             factor[k] = volume[i] * volume[j]
-            for a in range(len(dim)):
-                terms[WIDTH * k + 1 + a] = xi[a]
-                terms[WIDTH * k + 1 + len(dim) + a] = dv[a]
         for k in range(LANES):  # all of them, in vectors, so that a pair's bits do not depend on its lane
             square[k] = influence(1.0 - np.sqrt(square[k]) / horizon, table)
             factor[k] *= square[k]
-        tile_crossed = 0
+        before, tile_crossed = weight[start : start + used], 0
         for k in range(used):
-            now = square[k] > 0.0
-            changed[k] = now - (weight[start + k] > 0.0)
-            tile_crossed += changed[k] != 0
-            weight[start + k] = square[k]
+            tile_crossed += (square[k] > 0.0) != (before[k] > 0.0)
         if tile_crossed:
             crossed += tile_crossed
             for k in range(used):
-                count[first[start + k]] += changed[k]
-                count[second[start + k]] += changed[k]
+                change = (square[k] > 0.0) - (before[k] > 0.0)
+                count[first[start + k]] += change
+                count[second[start + k]] += change
+        for k in range(used):
+            before[k] = square[k]
         for k in range(used):
             if square[k] > 0.0:
-                add_moments(sums, first[start + k], second[start + k], terms, k, factor[k], dim)
+                i, j = first[start + k], second[start + k]
+                term = vectors.moments(terms, k, dim) * factor[k]
+                last, own = vectors.add_to_ends(sums, i, j, term, term, last, own)
     return crossed
 
 

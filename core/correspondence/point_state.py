@@ -30,13 +30,14 @@ positive semi-definite, momenta are conserved to rounding.
 import numpy as np
 
 from periporo.core import algebra as la
+from periporo.core import vectors
 from periporo.core.correspondence import point_tilts, sharpening
 from periporo.core.correspondence.bond_projected import CLOSEST
+from periporo.core.correspondence.flux import add_flux_force
 from periporo.core.correspondence.standard import Standard
 from periporo.core.jit import inlined, kernel
 from periporo.core.particles import Field
 from periporo.core.rows import PointRows
-from periporo.core.vectors import add_scaled, add_tuple
 
 _LEAST = 1e-4  # of the stress: a smaller deviator, or mean, counts as that
 
@@ -120,7 +121,7 @@ class PointState(Standard):
             )
         halo.update(p, "flux", *(("tilt_force",) if self.balanced else ()))
         force[:] = 0.0
-        _add_force(pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.flux, pull, force, p.dim)
+        add_flux_force(p, pairs, force, pull)
         if self.balanced:
             point_tilts.add_force(p, pairs, force)
 
@@ -202,6 +203,7 @@ def _strain_links(
 
     `pull` becomes c s / max(|xi|, closest)^2.
     """
+    matrix, last, own = la.zero_matrix(dim), -1, vectors.zero(la.zero_matrix(dim))
     for b in range(first.shape[0]):
         i, j = first[b], second[b]
         w = weight[b]
@@ -210,23 +212,25 @@ def _strain_links(
         if c == 0.0:
             stress[b, 0] = pull[b] = 0.0
             continue
-        xi = la.difference(position, i, j, dim)
-        dv = la.difference(velocity, i, j, dim)
-        mean = la.mean_matrix(gradient, i, j, dim)
-        residual = la.minus(dv, la.apply(mean, xi))
-        residual = la.minus(residual, la.scaled(la.apply(mean, residual), -0.5 * dt))  # from the start of the step
-        middle = la.minus(xi, la.scaled(dv, 0.5 * dt))  # to its middle
-        rate = la.dot(middle, residual) / max(la.dot(middle, middle), closest * closest)
-        e = 2.0 * link[i, 0] * link[j, 0] / (link[i, 0] + link[j, 0])
-        s = min(link[i, 1], link[j, 1]) * (stress[b, 0] + e * dt * rate)
+        xi = vectors.difference(position, i, j, dim)
+        dv = vectors.difference(velocity, i, j, dim)
+        mean = (vectors.row(gradient, i, matrix) + vectors.row(gradient, j, matrix)) * 0.5
+        residual = dv - vectors.apply(mean, xi)
+        residual += vectors.apply(mean, residual) * (0.5 * dt)  # from the start of the step
+        middle = xi - dv * (0.5 * dt)  # to its middle
+        # rate = middle . residual / max(|middle|, closest)^2 and c s / max(|xi|, closest)^2, by one division
+        stiffness = (link[i, 0] + link[j, 0]) * max(vectors.dot(middle, middle), closest * closest)
+        square = max(vectors.dot(xi, xi), closest * closest)
+        over = 1.0 / (stiffness * square)
+        s = stress[b, 0] + 2.0 * dt * link[i, 0] * link[j, 0] * vectors.dot(middle, residual) * (square * over)
+        s *= min(link[i, 1], link[j, 1])
         stress[b, 0] = s
-        pull[b] = c * s / max(la.dot(xi, xi), closest * closest)
-        dyad = la.dyad(la.scaled(xi, -0.5 * pull[b]), xi)
-        add_tuple(flux, i, dyad)
-        add_tuple(flux, j, dyad)
+        pull[b] = c * s * (stiffness * over)
+        to_i = to_j = vectors.dyad(xi * (-0.5 * pull[b]), xi)
         if spread.shape[0] > 0:
-            add_scaled(flux, i, spread, j, -w * link[i, 3], la.zero_matrix(dim))
-            add_scaled(flux, j, spread, i, -w * link[j, 3], la.zero_matrix(dim))
+            to_i += vectors.row(spread, j, matrix) * (-w * link[i, 3])
+            to_j += vectors.row(spread, i, matrix) * (-w * link[j, 3])
+        last, own = vectors.add_to_ends(flux, i, j, to_i, to_j, last, own)
 
 
 @kernel
@@ -236,22 +240,8 @@ def _close_flux(point, active, stress, volume, share, g, shape_inverse, flux, di
         if active[r]:
             i = point[r]
             own = (1.0 + g) * share[i, 2] * volume[i]
-            add_tuple(flux, i, la.scaled(la.full(la.symmetric_at(stress, r, 0, dim)), own))
+            sigma = la.full(la.symmetric_at(stress, r, 0, dim))
+            for c in range(len(sigma)):
+                flux[i, c] += own * sigma[c]
             z = la.scaled(la.matrix_at(flux, i, 0, dim), 1.0 / volume[i])
             la.store(flux, i, 0, la.times_shape(z, la.shape_at(shape_inverse, i, 0, dim)))
-
-
-@kernel
-def _add_force(first, second, weight, position, volume, flux, pull, force, dim):
-    """Add f_ij to both ends of each pair."""
-    for b in range(first.shape[0]):
-        if weight[b] == 0.0:
-            continue
-        i, j = first[b], second[b]
-        xi = la.difference(position, i, j, dim)
-        wvv = weight[b] * volume[i] * volume[j]
-        t = la.apply(la.mean_matrix(flux, i, j, dim), xi)
-        for a in range(len(dim)):
-            f = 2.0 * wvv * t[a] + pull[b] * xi[a]
-            force[i, a] += f
-            force[j, a] -= f

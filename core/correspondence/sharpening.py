@@ -19,10 +19,10 @@ import itertools
 import numpy as np
 
 from periporo.core import algebra as la
+from periporo.core import vectors
 from periporo.core.correspondence.influence import influence, influence_table
 from periporo.core.jit import kernel
 from periporo.core.particles import Field
-from periporo.core.vectors import add_scaled
 
 _ROW = {2: (0.0,) * 8, 3: (0.0,) * 16}  # columns of the point fields, room for a matrix and N: one vector
 
@@ -69,11 +69,13 @@ def _weigh(volume, share, gradient, weighed, dim):
 @kernel
 def _sum_neighbours(first, second, weight, weighed, sharp, row):
     """Sums of w V beta (L, 1) over the neighbours of each point."""
+    last, own = -1, vectors.zero(row)
     for b in range(first.shape[0]):
         w = weight[b]
         if w != 0.0:
-            add_scaled(sharp, first[b], weighed, second[b], w, row)
-            add_scaled(sharp, second[b], weighed, first[b], w, row)
+            i, j = first[b], second[b]
+            of_i, of_j = vectors.row(weighed, i, row) * w, vectors.row(weighed, j, row) * w
+            last, own = vectors.add_to_ends(sharp, i, j, of_j, of_i, last, own)
 
 
 @kernel

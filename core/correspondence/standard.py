@@ -14,6 +14,7 @@ import numpy as np
 
 from periporo.core import algebra as la
 from periporo.core.correspondence import kinematics
+from periporo.core.correspondence.flux import add_flux_force
 from periporo.core.correspondence.influence import influence_table, support
 from periporo.core.correspondence.moments import update_neighbourhoods
 from periporo.core.correspondence.springs import add_spring
@@ -54,13 +55,13 @@ class Standard:
 
     def internal_force(self, particles, bonds, halo, force: np.ndarray) -> None:
         """Fill `force` (total, d) N with the internal force; rows of ghosts are incomplete."""
-        p, pairs = particles, bonds.pairs
+        p = particles
         p.flux[:] = 0.0
         for block in bonds.blocks:
             _fill_flux(block.first, block.active, block.total_stress, p.share, p.shape_inverse, p.flux, p.dim)
         halo.update(p, "flux")
         force[:] = 0.0
-        _add_force(pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.flux, force, p.dim)
+        add_flux_force(p, bonds.pairs, force)
 
     def add_springs(self, particles, bonds, block, bulk, shear, springs) -> None:
         """Add the stiffness of the points' bonds, with moduli (n,) Pa of the block's rows."""
@@ -78,21 +79,6 @@ def _fill_flux(point, active, stress, share, shape_inverse, flux, dim):
             i = point[r]
             z = la.scaled(la.full(la.symmetric_at(stress, r, 0, dim)), share[i, 2])
             la.store(flux, i, 0, la.times_shape(z, la.shape_at(shape_inverse, i, 0, dim)))
-
-
-@kernel
-def _add_force(first, second, weight, position, volume, flux, force, dim):
-    """Add w V_i V_j (B_i + B_j) xi to both ends of each pair."""
-    for b in range(first.shape[0]):
-        if weight[b] == 0.0:
-            continue
-        i, j = first[b], second[b]
-        xi = la.difference(position, i, j, dim)
-        t = la.apply(la.mean_matrix(flux, i, j, dim), xi)
-        wvv = 2.0 * weight[b] * volume[i] * volume[j]
-        for a in range(len(dim)):
-            force[i, a] += wvv * t[a]
-            force[j, a] -= wvv * t[a]
 
 
 @kernel
