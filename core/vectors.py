@@ -242,7 +242,7 @@ def _stretched(typingctx, x):
 
 
 def _machine(size):
-    """A register: the power of two from `size` on, since the compiler takes others apart; what is beyond is undefined."""
+    """A register: a power of two, since the compiler takes others apart; what is beyond `size` is undefined."""
     return ir.VectorType(ir.DoubleType(), 1 << (size - 1).bit_length())
 
 
