@@ -81,7 +81,7 @@ class RigidContact:
     def _near(self, p, shift):
         """Rows that may touch before points or obstacle have moved half of the skin, or that did."""
         ids, there, rows = self._chosen
-        if ids is p.id and not ((shift - there) ** 2).sum() > (0.5 * self.skin) ** 2:
+        if ids is p.id and (self.velocity is None or not ((shift - there) ** 2).sum() > (0.5 * self.skin) ** 2):
             return rows
         gap, _ = self.surface.gap(p.reference_position[: p.owned] - shift)
         near = ~(gap >= _SOON * self.reach + self.skin)  # NaN is near

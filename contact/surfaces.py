@@ -28,8 +28,9 @@ class Plane:
 
     def gap(self, position):
         """See `Surface.gap`."""
-        gap = ((position - self.point) * self.normal).sum(axis=1)  # not by BLAS: its last bit depends on n
-        return gap, np.broadcast_to(self.normal, position.shape)
+        gap, normal = np.empty(len(position)), np.empty_like(position)
+        _plane_gap(position, self.point, self.normal, gap, normal)
+        return gap, normal
 
 
 class Box:
@@ -117,6 +118,15 @@ def _radial(relative, first=0):
     fallback[first] = 1.0
     zero = distance == 0.0
     return distance, np.where(zero[:, None], fallback, relative / np.where(zero, 1.0, distance)[:, None])
+
+
+@kernel
+def _plane_gap(position, point, outward, gap, normal):
+    for i in range(position.shape[0]):
+        gap[i] = 0.0
+        for a in range(position.shape[1]):
+            gap[i] += (position[i, a] - point[a]) * outward[a]
+            normal[i, a] = outward[a]
 
 
 @kernel

@@ -2,8 +2,9 @@
 
 import math
 
+from periporo.core import vectors
 from periporo.core.energy import INTEGRATION, ForceChannels
-from periporo.core.jit import kernel
+from periporo.core.jit import inlined, kernel
 from periporo.core.particles import Particles
 
 
@@ -32,32 +33,25 @@ def second_kick(p: Particles, forces: ForceChannels, dt: float) -> None:
 @kernel
 def _first_kick(owned, dt, mass, velocity, previous, forces, dim):
     for i in range(owned):
-        factor = 0.5 * dt / mass[i]
-        for a in range(len(dim)):
-            total = 0.0
-            for force in forces:
-                total += force[i, a]
-            previous[i, a] = velocity[i, a]
-            velocity[i, a] += factor * total
+        v, total = vectors.row(velocity, i, dim), vectors.zero(dim)
+        for force in forces:
+            total += vectors.row(force, i, dim)
+        vectors.put(previous, i, v)
+        vectors.put(velocity, i, v + total * (0.5 * dt / mass[i]))
 
 
 @kernel
 def _drift(owned, dt, mass, velocity, previous, position, reference, work, forces, columns, integration, dim):
     largest = 0.0
     for i in range(owned):
-        moved = 0.0
-        gained = 0.0
-        for a in range(len(dim)):
-            v = velocity[i, a]
-            gained += (v - previous[i, a]) ** 2
-            position[i, a] += dt * v
-            moved += (position[i, a] - reference[i, a]) ** 2
-        work[i, integration] -= 0.5 * mass[i] * gained
-        for c in range(len(forces)):
-            power = 0.0
-            for a in range(len(dim)):
-                power += forces[c][i, a] * velocity[i, a]
-            work[i, columns[c]] += 0.5 * dt * power
+        v = vectors.row(velocity, i, dim)
+        change = v - vectors.row(previous, i, dim)
+        x = vectors.row(position, i, dim) + v * dt
+        way = x - vectors.row(reference, i, dim)
+        vectors.put(position, i, x)
+        _add_work(work, i, dt, v, forces, columns, dim)
+        work[i, integration] -= 0.5 * mass[i] * vectors.dot(change, change)
+        moved = vectors.dot(way, way)
         if moved > largest or math.isnan(moved):  # and stays: nothing is larger than NaN
             largest = moved
     return largest
@@ -67,18 +61,20 @@ def _drift(owned, dt, mass, velocity, previous, position, reference, work, force
 def _second_kick(owned, dt, mass, velocity, previous, dilation, jacobian, work, forces, columns, integration, dim):
     for i in range(owned):
         dilation[i] *= jacobian[i]
-        factor = 0.5 * dt / mass[i]
-        gained = 0.0
-        for c in range(len(forces)):
-            power = 0.0
-            for a in range(len(dim)):
-                power += forces[c][i, a] * velocity[i, a]
-            work[i, columns[c]] += 0.5 * dt * power
-        for a in range(len(dim)):
-            total = 0.0
-            for force in forces:
-                total += force[i, a]
-            previous[i, a] = velocity[i, a]
-            velocity[i, a] += factor * total
-            gained += (factor * total) ** 2
-        work[i, integration] += 0.5 * mass[i] * gained
+        v, total = vectors.row(velocity, i, dim), vectors.zero(dim)
+        for force in forces:
+            total += vectors.row(force, i, dim)
+        change = total * (0.5 * dt / mass[i])
+        vectors.put(previous, i, v)
+        vectors.put(velocity, i, v + change)
+        _add_work(work, i, dt, v, forces, columns, dim)
+        work[i, integration] += 0.5 * mass[i] * vectors.dot(change, change)
+
+
+@inlined
+def _add_work(work, i, dt, v, forces, columns, dim):
+    """Work of each force in half a step at the velocity `v` of its middle."""
+    c = 0
+    for force in forces:
+        work[i, columns[c]] += 0.5 * dt * vectors.dot(vectors.row(force, i, dim), v)
+        c += 1

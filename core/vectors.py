@@ -145,6 +145,17 @@ def dyad(x, y):
 
 
 @intrinsic
+def square(typingctx, x):
+    """x (x) x as a symmetric d x d matrix (3|6)."""
+    left, right = {2: ([0, 1, 0], [0, 1, 1]), 3: ([0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2])}[x.size]
+
+    def code(context, builder, signature, arguments):
+        return builder.fmul(*(_picked(builder, arguments[0], _filled(places)) for places in (left, right)))
+
+    return Vector(len(left))(x), code
+
+
+@intrinsic
 def trace(typingctx, a):
     """Trace of a matrix."""
     diagonal = range(0, a.size, _ORDER[a.size] + 1)

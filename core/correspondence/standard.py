@@ -13,11 +13,11 @@ oscillations. beta fades degenerate neighbourhoods out (`periporo.core.correspon
 import numpy as np
 
 from periporo.core import algebra as la
+from periporo.core import vectors
 from periporo.core.correspondence import kinematics
 from periporo.core.correspondence.flux import add_flux_force
 from periporo.core.correspondence.influence import influence_table, support
 from periporo.core.correspondence.moments import update_neighbourhoods
-from periporo.core.correspondence.springs import add_spring
 from periporo.core.jit import kernel
 from periporo.core.rows import PointRows
 
@@ -40,9 +40,10 @@ class Standard:
         state, for which a material sees a step of `material_dt` s.
         """
         p, pairs = particles, bonds.pairs
-        update_neighbourhoods(p, pairs, self.horizon, self.table, dt)
+        _, degenerate = update_neighbourhoods(p, pairs, self.horizon, self.table, dt)
         gradient = self.row_gradient(p, pairs, halo)
-        bonds.admit_newborn(p, material_dt)
+        if degenerate or not all(block.active.all() for block in bonds.blocks):  # otherwise all rows stay active
+            bonds.admit_newborn(p, material_dt)
         for block in bonds.blocks:
             kinematics.strain_rows(
                 block.first, block.active, gradient, dt, block.stress, block.strain_increment, block.state,
@@ -66,9 +67,9 @@ class Standard:
     def add_springs(self, particles, bonds, block, bulk, shear, springs) -> None:
         """Add the stiffness of the points' bonds, with moduli (n,) Pa of the block's rows."""
         p, pairs = particles, bonds.pairs
-        moduli = np.zeros((p.total, 2))
-        moduli[block.first[block.active]] = np.stack([bulk, shear], axis=1)[block.active]
-        _sum_springs(pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.share, moduli, springs, p.dim)
+        sums = np.zeros_like(springs)
+        _sum_springs(pairs.first, pairs.second, pairs.weight, p.position, p.volume, sums, p.dim)
+        _add_springs(block.first, block.active, p.share, bulk, shear, sums, springs, p.dim)
 
 
 @kernel
@@ -82,11 +83,28 @@ def _fill_flux(point, active, stress, share, shape_inverse, flux, dim):
 
 
 @kernel
-def _sum_springs(first, second, weight, position, volume, share, moduli, springs, dim):
-    """Springs of each end with its own moduli: the bonds of a point share twice its volume among them."""
+def _sum_springs(first, second, weight, position, volume, sums, dim):
+    """Sum of 4 w V_i V_j/r^2 n (x) n over the bonds of each point, which share twice its volume among them."""
+    last, own = -1, vectors.zero(la.shape_at(sums, 0, 0, dim))
     for b in range(first.shape[0]):
+        if weight[b] == 0.0:
+            continue
         i, j = first[b], second[b]
-        xi = la.difference(position, i, j, dim)
-        c = 2.0 * weight[b] * volume[i] * volume[j]
-        add_spring(springs, i, c * share[i, 0], xi, 0.0, moduli[i, 0], moduli[i, 1], dim)
-        add_spring(springs, j, c * share[j, 0], xi, 0.0, moduli[j, 0], moduli[j, 1], dim)
+        xi = vectors.difference(position, i, j, dim)
+        r2 = vectors.dot(xi, xi)
+        term = vectors.square(xi) * (4.0 * weight[b] * volume[i] * volume[j] / (r2 * r2))
+        last, own = vectors.add_to_ends(sums, i, j, term, term, last, own)
+
+
+@kernel
+def _add_springs(point, active, share, bulk, shear, sums, springs, dim):
+    """Add mu tr(s) I + (K + mu/3) s of the sums s, with the share of each point that has a row here."""
+    d = len(dim)
+    for r in range(point.shape[0]):
+        if not active[r]:
+            continue
+        i = point[r]
+        trace = la.trace_shape(la.shape_at(sums, i, 0, dim))
+        for c in range(springs.shape[1]):
+            value = (bulk[r] + shear[r] / 3.0) * sums[i, c] + (shear[r] * trace if c < d else 0.0)
+            springs[i, c] += share[i, 0] * value

@@ -32,6 +32,11 @@ def products(x, matrices, dim, matrix, out_x, out_matrix, numbers):
 
 
 @kernel
+def squares(x, dim, out):
+    vectors.put(out, 0, vectors.square(vectors.row(x, 0, dim)))
+
+
+@kernel
 def in_space(rows, like, out):
     vectors.put(out, 0, vectors.full(vectors.row(rows, 1, like)))
 
@@ -76,6 +81,14 @@ def test_products(random, d):
     np.testing.assert_allclose(image[0], a @ x[0], rtol=1e-14)
     np.testing.assert_array_equal(dyad[0], np.outer(x[0], x[1]).ravel())
     np.testing.assert_allclose(numbers, [x[0] @ x[1], np.trace(a)], rtol=1e-14)
+
+
+@pytest.mark.parametrize("d", (2, 3))
+def test_the_square_of_a_vector(random, d):
+    x, out = random.normal(size=(1, d)), np.zeros((1, d * (d + 1) // 2))
+    squares(x, DIMENSION[d], out)
+    order = {2: ((0, 0), (1, 1), (0, 1)), 3: ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))}[d]
+    np.testing.assert_array_equal(out[0], [x[0, a] * x[0, b] for a, b in order])
 
 
 @pytest.mark.parametrize("d", (2, 3))
