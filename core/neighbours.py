@@ -52,7 +52,7 @@ def find_pairs(particles, rows: np.ndarray, group: np.ndarray, reach: float, cap
 
 
 def _cells(position, reach):
-    """Cell indices (n, 3) and the number of cells along each axis; NaN positions share one cell."""
+    """Cell indices (n, 3), in the plane the last two, and numbers of cells; NaN positions share one cell."""
     n, d = position.shape
     finite = [np.where(np.isfinite(x), x, 0.0) for x in position.T]  # column by column: much quicker than along rows
     lower = np.array([x.min() for x in finite]) if n else np.zeros(d)
@@ -61,7 +61,7 @@ def _cells(position, reach):
     size = max(reach, float((np.prod(np.maximum(extent, reach)) / (4.0 * max(n, 1))) ** (1.0 / d)))
     cell = np.zeros((n, 3), np.int64)
     for a in range(d):
-        cell[:, a] = np.floor((finite[a] - lower[a]) / size)
+        cell[:, 3 - d + a] = np.floor((finite[a] - lower[a]) / size)
     return cell, np.array([c.max(initial=0) for c in cell.T]) + 1
 
 
@@ -75,10 +75,13 @@ def _find_pairs(order, position, group, owned, cell, counts, reach, ends, dim):
     for c in range(heads.shape[0] - 1):
         heads[c + 1] += heads[c]
     filled = heads.copy()
-    members = np.empty(n, np.int32)  # ranks in id order, ascending in each cell
+    members = np.empty(n, np.int32)  # ranks in id order, cell by cell
+    place = np.empty((n, len(dim)))  # and where they are
     for p in range(n):
         c = (cell[p, 0] * counts[1] + cell[p, 1]) * counts[2] + cell[p, 2]
         members[filled[c]] = p
+        for a in range(len(dim)):
+            place[filled[c], a] = position[order[p], a]
         filled[c] += 1
     found = 0
     partners = np.empty(n, np.int32)
@@ -87,19 +90,16 @@ def _find_pairs(order, position, group, owned, cell, counts, reach, ends, dim):
         m = 0
         for cx in range(max(cell[p, 0] - 1, 0), min(cell[p, 0] + 2, counts[0])):
             for cy in range(max(cell[p, 1] - 1, 0), min(cell[p, 1] + 2, counts[1])):
-                for cz in range(max(cell[p, 2] - 1, 0), min(cell[p, 2] + 2, counts[2])):
-                    c = (cx * counts[1] + cy) * counts[2] + cz
-                    for k in range(heads[c + 1] - 1, heads[c] - 1, -1):
-                        q = members[k]
-                        if q <= p:
-                            break
+                row = (cx * counts[1] + cy) * counts[2]  # whose cells follow each other
+                begin, end = heads[row + max(cell[p, 2] - 1, 0)], heads[row + min(cell[p, 2] + 2, counts[2])]
+                for k in range(begin, end):
+                    r2 = 0.0
+                    for a in range(len(dim)):
+                        r2 += (place[k, a] - position[i, a]) ** 2
+                    q = members[k]
+                    if q > p and r2 < reach * reach:
                         j = order[q]
-                        if (i >= owned and j >= owned) or group[i] != group[j]:
-                            continue
-                        r2 = 0.0
-                        for a in range(len(dim)):
-                            r2 += (position[j, a] - position[i, a]) ** 2
-                        if r2 < reach * reach:
+                        if (i < owned or j < owned) and group[i] == group[j]:
                             partners[m] = q
                             m += 1
         for k in range(1, m):  # insertion sort: rows are short

@@ -14,7 +14,7 @@ from periporo.core.reductions import maximum
 from periporo.core.timing import Timing
 
 _MARGIN = 1.0 + 1e-9  # of the ghosts' reach, so that both ranks of a pair list it whatever the rounding
-_OFTEN, _SELDOM = 30, 90  # steps between rebuilds that call for a thicker, or a thinner, skin
+_OFTEN, _SELDOM = 60, 150  # steps between rebuilds that call for a thicker, or a thinner, skin
 _THINNEST = 0.1  # skin, over the largest
 _IMBALANCE = 1.07  # of the bonds per rank, above which space is divided anew
 _REMEMBERED = ("time", "_carry", "dt", "step_number", "stage_number", "skin", "rebuild_count", "rebuilt_at")
