@@ -1,5 +1,6 @@
 """Points as a struct of arrays: owned rows first, then ghosts."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,7 +99,7 @@ class Particles:
 
 def _aligned_zeros(shape, dtype) -> np.ndarray:
     """Zeros that start where a cache line does, or a machine vector of a point might lie across two of them."""
-    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    size = (shape if isinstance(shape, int) else math.prod(shape)) * np.dtype(dtype).itemsize
     raw = np.zeros(size + _CACHE_LINE, np.uint8)
     start = -raw.ctypes.data % _CACHE_LINE
     return raw[start : start + size].view(dtype).reshape(shape)
