@@ -78,6 +78,11 @@ class Block(Rows):
         """What forces come from, (rows, 4|6) Pa: the laws' stress, in wet soil with the water's."""
         return self.stress if self.total is None else self.total
 
+    @property
+    def keeps_all(self) -> bool:
+        """Whether all of the trial stress is kept: by an elastic law, or while the moduli are held."""
+        return self.held_moduli is not None or getattr(self.material, "conservative", False)
+
     def elastic_moduli(self) -> tuple[np.ndarray, np.ndarray]:
         """Bulk and shear modulus of the rows, two (n,) arrays in Pa."""
         if self.held_moduli is not None:

@@ -5,6 +5,8 @@ import math
 import numpy as np
 from mpi4py import MPI
 
+from periporo.core.jit import kernel
+
 
 def maximum(comm: MPI.Comm, value: float) -> float:
     """Largest value over ranks; NaN on any rank gives NaN."""
@@ -36,23 +38,50 @@ def exact_sum(comm: MPI.Comm, values: np.ndarray) -> np.ndarray:
     if values.ndim == 1:
         values = values[:, None]
     columns = values.shape[1]
-    finite = np.isfinite(values).all(axis=0) if len(values) else np.ones(columns, bool)
-    largest = np.abs(values).max(axis=0, initial=0.0)
-    head = np.concatenate([np.where(finite, largest, 0.0), ~finite])
+    head = np.zeros((2, columns))  # largest magnitude, and whether all are finite
+    _look_over(values, head)
     comm.Allreduce(MPI.IN_PLACE, head, MPI.MAX)
     count = comm.allreduce(len(values))
     bits = 61 - max(count, 1).bit_length()
-    exponent = np.frexp(head[:columns])[1]
-    scaled = np.ldexp(np.where(finite, values, 0.0), bits - exponent)
-    high = np.rint(scaled)
-    low = np.rint(np.ldexp(scaled - high, bits))
-    words = np.stack([high.astype(np.int64).sum(axis=0), low.astype(np.int64).sum(axis=0)])
+    exponent = np.frexp(head[0])[1]
+    shift = bits - exponent
+    factors = np.ldexp(1.0, [shift // 2, shift - shift // 2])  # by halves: the whole one may not be a number
+    words = np.zeros((2, columns), np.int64)
+    _add_words(values, factors, head[1], 2.0**bits, words)
     comm.Allreduce(MPI.IN_PLACE, words, MPI.SUM)
     result = np.empty(columns)
     for c in range(columns):
         whole = (int(words[0, c]) << bits) + int(words[1, c])  # exact, rounded once below
-        result[c] = math.nan if head[columns + c] else _to_float(whole, int(exponent[c]) - 2 * bits)
+        result[c] = math.nan if head[1, c] else _to_float(whole, int(exponent[c]) - 2 * bits)
     return result
+
+
+def inner(comm: MPI.Comm, a: np.ndarray, b: np.ndarray) -> float:
+    """Sum of a b over all components of all rows of all ranks."""
+    return float(exact_sum(comm, (a * b).ravel())[0])
+
+
+@kernel
+def _look_over(values, head):
+    for r in range(values.shape[0]):
+        for c in range(values.shape[1]):
+            size = abs(values[r, c])
+            if not size < np.inf:
+                head[1, c] = 1.0
+            elif size > head[0, c]:
+                head[0, c] = size
+
+
+@kernel
+def _add_words(values, factors, spoiled, scale, words):
+    """Add the two integers of every value of the columns that are not `spoiled`."""
+    for r in range(values.shape[0]):
+        for c in range(values.shape[1]):
+            if spoiled[c] == 0.0:
+                scaled = values[r, c] * factors[0, c] * factors[1, c]
+                high = np.rint(scaled)
+                words[0, c] += np.int64(high)
+                words[1, c] += np.int64(np.rint((scaled - high) * scale))
 
 
 def _to_float(mantissa: int, exponent: int) -> float:

@@ -90,7 +90,7 @@ class Relaxation:
         force, velocity, reaction = total * free, p.velocity[:n] * free, total * (1.0 - free)
         acceleration = force / p.mass[:, None]
         load = p.external_force[:n] * free
-        products = [(a * b).sum(axis=1) for a, b in (
+        products = [(a * b).ravel() for a, b in (
             (force, force), (load, load), (reaction, reaction), (force, velocity), (velocity, velocity),
             (acceleration, acceleration),
         )]  # fmt: skip

@@ -14,7 +14,7 @@ import numpy as np
 
 from periporo.core import algebra as la
 from periporo.core.jit import kernel
-from periporo.core.reductions import exact_sum, maximum
+from periporo.core.reductions import inner, maximum
 from periporo.io.geometry import uniform
 from periporo.io.input_errors import InputError, Problem
 
@@ -103,13 +103,13 @@ def highest_frequency(sim) -> float:
     vector = uniform(p.id[:n], p.dimension, seed=1) - 0.5
     previous, beta = np.zeros_like(vector), 0.0
     diagonal, beside, value = [], [], 0.0
-    vector /= np.sqrt(_inner(sim, vector, vector))
+    vector /= np.sqrt(inner(sim.comm, vector, vector))
     for _ in range(_MOST_ITERATIONS):
         image = apply_stiffness(sim, vector / root_mass) / root_mass
-        diagonal.append(_inner(sim, vector, image))
+        diagonal.append(inner(sim.comm, vector, image))
         before, value = value, _largest_eigenvalue(diagonal, beside)
         image -= diagonal[-1] * vector + beta * previous
-        previous, beta = vector, np.sqrt(_inner(sim, image, image))
+        previous, beta = vector, np.sqrt(inner(sim.comm, image, image))
         if value - before <= 2.0 * _CONVERGED * value or not beta > 1e-6 * abs(diagonal[0]):
             break
         vector = image / beta
@@ -127,10 +127,6 @@ def _largest_eigenvalue(diagonal, beside):
     """Of the symmetric tridiagonal matrix with these entries; NaN stays."""
     matrix = np.diag(diagonal) + np.diag(beside, 1) + np.diag(beside, -1)
     return float(np.linalg.eigvalsh(matrix)[-1]) if np.isfinite(matrix).all() else np.nan
-
-
-def _inner(sim, a, b):
-    return float(exact_sum(sim.comm, (a * b).sum(axis=1))[0])
 
 
 def apply_stiffness(sim, displacement):

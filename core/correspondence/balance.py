@@ -21,7 +21,7 @@ import numpy as np
 from periporo.core import algebra as la
 from periporo.core.jit import inlined, kernel
 from periporo.core.particles import Field
-from periporo.core.reductions import exact_sum
+from periporo.core.reductions import inner
 
 ITERATIONS = 40
 EXHAUSTED = 1e-8  # part of a direction that is new
@@ -48,21 +48,21 @@ def balance(sim) -> None:
     for block in sim.bonds.blocks:
         block.stress[:], block.total = 0.0, None
         block.stress[:, : p.dimension] = 1.0
-    inner = inner_points(sim)
-    unbalanced = _force(sim, inner, np.zeros((n, p.dimension)))
+    inside = inner_points(sim)
+    unbalanced = _force(sim, inside, np.zeros((n, p.dimension)))
     residual, tilt, directions = -unbalanced, np.zeros((n, p.dimension)), []
     for _ in range(ITERATIONS):
-        step, image = residual, _force(sim, inner, residual) - unbalanced
-        length = math.sqrt(_product(sim.comm, image, image))
+        step, image = residual, _force(sim, inside, residual) - unbalanced
+        length = math.sqrt(inner(sim.comm, image, image))
         for other, of_other in directions:
-            overlap = _product(sim.comm, image, of_other)
+            overlap = inner(sim.comm, image, of_other)
             step, image = step - overlap * other, image - overlap * of_other
-        size = math.sqrt(_product(sim.comm, image, image))
+        size = math.sqrt(inner(sim.comm, image, image))
         if not size > EXHAUSTED * length:  # what is left is rounding: on a grid, or where few points are inside
             break
         step, image = step / size, image / size
         directions.append((step, image))
-        advance = _product(sim.comm, residual, image)
+        advance = inner(sim.comm, residual, image)
         tilt, residual = tilt + advance * step, residual - advance * image
     p.tilt[:n] = tilt
     sim.halo.update(p, "tilt")
@@ -71,18 +71,14 @@ def balance(sim) -> None:
     sim.scheme.internal_force(p, sim.bonds, sim.halo, p.internal_force)
 
 
-def _force(sim, inner, tilt):
+def _force(sim, inside, tilt):
     """Force (owned, d) N of a stress of 1 Pa all around with these tilts (owned, d), at inner points alone."""
     p = sim.particles
     p.tilt[: p.owned] = tilt
     sim.halo.update(p, "tilt")
     force = np.zeros((p.total, p.dimension))
     sim.scheme.internal_force(p, sim.bonds, sim.halo, force)
-    return force[: p.owned] * inner[:, None]
-
-
-def _product(comm, a, b) -> float:
-    return float(exact_sum(comm, (a * b).sum(axis=1))[0])
+    return force[: p.owned] * inside[:, None]
 
 
 def inner_points(sim) -> np.ndarray:

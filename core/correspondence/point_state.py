@@ -85,7 +85,7 @@ class PointState(Standard):
         """
         self._dt = dt
         super().deform(particles, bonds, halo, dt, material_dt)
-        self._before = [(None if _keeps_all(b) else b.stress.copy(), *b.elastic_moduli()) for b in bonds.blocks]
+        self._before = [(None if b.keeps_all else b.stress.copy(), *b.elastic_moduli()) for b in bonds.blocks]
 
     def row_gradient(self, p, pairs, halo) -> np.ndarray:
         """The velocity gradients that laws see, L or M, in the first d^2 columns."""
@@ -142,11 +142,6 @@ class PointState(Standard):
                     p.sharp, p.spread, p.dim,
                 )
         halo.update(p, "link", "spread" if self.sharpened else "gradient")
-
-
-def _keeps_all(block):
-    """Whether the law keeps all of its trial stress: then there is nothing to compare."""
-    return getattr(block.material, "conservative", False)
 
 
 @inlined
