@@ -31,6 +31,7 @@ import numpy as np
 
 from periporo.core import algebra as la
 from periporo.core import vectors
+from periporo.core.algebra import LANES
 from periporo.core.correspondence import point_tilts, sharpening
 from periporo.core.correspondence.bond_projected import CLOSEST
 from periporo.core.correspondence.flux import add_flux_force
@@ -173,21 +174,33 @@ def _find_ends(point, active, bulk, shear, volume, share, link):
 
 @kernel
 def _find_response(point, active, bulk, shear, turned, strain, stress, link, dim):
-    """The part r of the trial stress that the laws kept.
+    """The part r of the trial stress that the laws kept; `turned` is the stress before they were asked.
 
-    `turned` is the stress before the laws were asked, and becomes what they took away.
+    Rows are worked on by the tile, all lanes of it in vectors, so that a row's bits do not depend on its lane.
     """
-    for n in range(point.shape[0]):
-        if not active[n]:
-            continue
-        volumetric = (bulk[n] - 2.0 / 3.0 * shear[n]) * (strain[n, 0] + strain[n, 1] + strain[n, 2])
-        for c in range(stress.shape[1]):
-            turned[n, c] += 2.0 * shear[n] * strain[n, c] + (volumetric if c < 3 else 0.0)
-            turned[n, c] -= stress[n, c]
-        deviator, mean = _lengths(la.symmetric_at(stress, n, 0, dim))
-        lost_deviator, lost_mean = _lengths(la.symmetric_at(turned, n, 0, dim))
-        least = _LEAST * np.sqrt(deviator**2 + mean**2)
-        link[point[n], 1] = min(_kept_share(deviator + least, lost_deviator), _kept_share(mean + least, lost_mean))
+    like = la.zero_symmetric(dim)
+    c = len(like)
+    tile, response = np.zeros(LANES * (3 * c + 2)), np.zeros(LANES)
+    for start in range(0, point.shape[0], LANES):
+        used = min(LANES, point.shape[0] - start)
+        for k in range(used):
+            la.to_lane(tile, 0, k, la.symmetric_at(turned, start + k, 0, dim))
+            la.to_lane(tile, c, k, la.symmetric_at(strain, start + k, 0, dim))
+            la.to_lane(tile, 2 * c, k, la.symmetric_at(stress, start + k, 0, dim))
+            la.to_lane(tile, 3 * c, k, (bulk[start + k], shear[start + k]))
+        for k in range(LANES):
+            k_bulk, k_shear = la.from_lane(tile, 3 * c, k, (0.0, 0.0))
+            strain_k, now = la.from_lane(tile, c, k, like), la.from_lane(tile, 2 * c, k, like)
+            volumetric = (k_bulk - 2.0 / 3.0 * k_shear) * (strain_k[0] + strain_k[1] + strain_k[2])
+            for e in range(c):  # from before to what the laws took away
+                tile[e * LANES + k] += 2.0 * k_shear * strain_k[e] + (volumetric if e < 3 else 0.0) - now[e]
+            deviator, mean = _lengths(now)
+            lost_deviator, lost_mean = _lengths(la.from_lane(tile, 0, k, like))
+            least = _LEAST * np.sqrt(deviator**2 + mean**2)
+            response[k] = min(_kept_share(deviator + least, lost_deviator), _kept_share(mean + least, lost_mean))
+        for k in range(used):
+            if active[start + k]:
+                link[point[start + k], 1] = response[k]
 
 
 @kernel
