@@ -74,7 +74,5 @@ def _second_kick(owned, dt, mass, velocity, previous, dilation, jacobian, work, 
 @inlined
 def _add_work(work, i, dt, v, forces, columns, dim):
     """Work of each force in half a step at the velocity `v` of its middle."""
-    c = 0
-    for force in forces:
+    for c, force in enumerate(forces):
         work[i, columns[c]] += 0.5 * dt * vectors.dot(vectors.row(force, i, dim), v)
-        c += 1
