@@ -1,8 +1,10 @@
 """What optional features cost, and that they cost nothing when they are off: python benchmarks/skip.py [--side 100]
 
 A square of Cam-Clay under its own stress is run for the same steps with and without each feature, in turn; the median
-ratio of the processor times is its cost. "Off" is the time that the steps without the feature spend in its place in the
-loop, in per cent of the step: nothing is tested for there, so this is what going through an empty list costs.
+ratio of the processor times is its cost. "Off" is the time that the steps of a bare scene spend in its place in the
+loop, in per cent of the step: nothing is tested for there, so this is what going through an empty list costs. Bare
+is a scene that has none of the features, nor what every scene has if it does not say otherwise: the repulsion of
+points that come too close, and the strains in the results. These two have rows of their own.
 """
 
 import argparse
@@ -12,6 +14,8 @@ import numpy as np
 from mpi4py import MPI
 from step_time import MATERIALS
 
+from periporo.contact.repulsion import Repulsion
+from periporo.core.fields import StrainMeasures
 from periporo.core.scene import build
 from periporo.io.schema import parse_scene
 
@@ -32,6 +36,12 @@ FEATURES = {  # name -> (change of the input, the part of the step where it is a
 }
 
 
+EVERYWHERE = {  # name -> (class, the part of the step)
+    "repulsion of close points": (Repulsion, "contact"),
+    "strains in the results": (StrainMeasures, "point processes"),
+}
+
+
 def square(side: int, change: dict) -> dict:
     """The input of the square, with a feature."""
     stage = {"name": "motion", "type": "dynamics", "duration": STEPS * STEP / side}
@@ -46,9 +56,11 @@ def square(side: int, change: dict) -> dict:
     return scene
 
 
-def run(scene: dict) -> tuple[float, dict]:
-    """Processor time of the stage, and the parts of its steps."""
+def run(scene: dict, without: tuple = ()) -> tuple[float, dict]:
+    """Processor time of the stage, and the parts of its steps; parts of the classes `without` are taken out."""
     sim = build(parse_scene(scene), MPI.COMM_SELF)
+    for parts in (sim.point_processes, sim.stages[0].contacts):
+        parts[:] = [part for part in parts if not isinstance(part, without)]
     sim.start()
     sim.timing.reset()
     began = time.process_time()
@@ -63,14 +75,17 @@ def main():
     arguments = parser.parse_args()
     plain = square(arguments.side, {})
     run(plain)
+    rows = {name: (plain, square(arguments.side, change), (), part) for name, (change, part) in FEATURES.items()}
+    rows |= {name: (plain, plain, kind, part) for name, (kind, part) in EVERYWHERE.items()}
+    everywhere = tuple(kind for kind, _ in EVERYWHERE.values())
     print("| feature | on, % of the step | off, % |\n|---|---|---|")
-    for name, (change, part) in FEATURES.items():
-        scene = square(arguments.side, change)
+    for name, (without, scene, taken_out, part) in rows.items():
         run(scene)  # compiles
         ratios, off = [], []
         for _ in range(arguments.repeats):
-            without, parts = run(plain)
-            ratios.append(run(scene)[0] / without)
+            off_time = run(without, taken_out)[0]
+            ratios.append(run(scene)[0] / off_time)
+            parts = run(plain, everywhere)[1]
             off.append(parts.get(part, 0.0) / sum(parts.values()))
         idle = f"{100 * np.median(off):.2f}" if part not in ("integration", "material") else "part of the step"
         print(f"| {name} | {100 * (np.median(ratios) - 1.0):+.1f} | {idle} |", flush=True)

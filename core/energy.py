@@ -22,6 +22,8 @@ class ForceChannels:
 
     def __init__(self, particles: Particles):
         self.names: list[str] = []
+        self.columns = np.empty(0, np.int64)  # of `work`, for each channel
+        self._found = None, ()  # ids of the points, and their arrays
         self._particles = particles
         particles.add_field(Field("work", len(WORK), "J", sent=False))
         particles.add_field(Field("previous_velocity", particles.dimension, "m/s", migrates=False, sent=False))
@@ -30,17 +32,19 @@ class ForceChannels:
         """Declare a channel of `WORK`; declaring it again changes nothing."""
         if name not in self.names:
             self.names.append(name)
+            self.columns = np.array([WORK.index(n) for n in self.names], np.int64)
+            self._found = None, ()
             self._particles.add_field(
                 Field(f"{name}_force", self._particles.dimension, "N", migrates=False, sent=True)
             )
 
     def arrays(self) -> tuple[np.ndarray, ...]:
         """The (total, d) N array of each channel."""
-        return tuple(getattr(self._particles, f"{n}_force") for n in self.names)
-
-    def columns(self) -> np.ndarray:
-        """The column of `work` that belongs to each channel."""
-        return np.array([WORK.index(n) for n in self.names], np.int64)
+        ids, arrays = self._found
+        if ids is not self._particles.id:  # a rebuild makes all arrays anew
+            arrays = tuple(getattr(self._particles, f"{n}_force") for n in self.names)
+            self._found = self._particles.id, arrays
+        return arrays
 
     def total(self) -> np.ndarray:
         """Sum of all channels on the owned points, (owned, d) N."""

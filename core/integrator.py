@@ -17,7 +17,7 @@ def drift(p: Particles, forces: ForceChannels, dt: float) -> float:
     """Position from t to t + dt; the largest distance (m) of an owned point from where its neighbours were found."""
     moved = _drift(
         p.owned, dt, p.mass, p.velocity, p.previous_velocity, p.position, p.reference_position, p.work,
-        forces.arrays(), forces.columns(), INTEGRATION, p.dim,
+        forces.arrays(), forces.columns, INTEGRATION, p.dim,
     )  # fmt: skip
     return math.sqrt(moved)
 
@@ -26,7 +26,7 @@ def second_kick(p: Particles, forces: ForceChannels, dt: float) -> None:
     """Velocity from t + dt/2 to t + dt; the dilation takes this step's change."""
     _second_kick(
         p.owned, dt, p.mass, p.velocity, p.previous_velocity, p.dilation, p.jacobian, p.work, forces.arrays(),
-        forces.columns(), INTEGRATION, p.dim,
+        forces.columns, INTEGRATION, p.dim,
     )  # fmt: skip
 
 

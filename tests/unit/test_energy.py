@@ -91,7 +91,7 @@ def test_channels_are_declared_once_and_add_up():
     for name in ("internal", "contact", "internal"):
         forces.need(name)
     assert forces.names == ["internal", "contact"]
-    assert forces.columns().tolist() == [WORK.index("internal"), WORK.index("contact")]
+    assert forces.columns.tolist() == [WORK.index("internal"), WORK.index("contact")]
     owned = {f.name: np.zeros(2 if f.columns is None else (2, f.columns), f.dtype) for f in particles.migrating()}
     particles.replace(owned, 1)
     internal, contact_force = forces.arrays()
