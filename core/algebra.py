@@ -43,10 +43,6 @@ def apply(a, x):
     """Matrix times vector."""
 
 
-def apply_symmetric(s, x):
-    """Symmetric tensor (4|6) times vector (2|3)."""
-
-
 def square(x):
     """x (x) x as a symmetric d x d matrix."""
 
@@ -57,10 +53,6 @@ def dyad(x, y):
 
 def plus_dyad(a, x, y):
     """a + x (x) y"""
-
-
-def mean_normal(s, x):
-    """Mean of the normal components of a symmetric tensor (4|6) in the space of the vector x (2|3)."""
 
 
 def plus_spherical(a, number):
@@ -194,17 +186,6 @@ def _apply(a, x):
     )
 
 
-@overload(apply_symmetric)
-def _apply_symmetric(s, x):
-    if len(x) == 2:
-        return lambda s, x: (s[0] * x[0] + s[3] * x[1], s[3] * x[0] + s[1] * x[1])
-    return lambda s, x: (
-        s[0] * x[0] + s[3] * x[1] + s[5] * x[2],
-        s[3] * x[0] + s[1] * x[1] + s[4] * x[2],
-        s[5] * x[0] + s[4] * x[1] + s[2] * x[2],
-    )
-
-
 @overload(square)
 def _square(x):
     if len(x) == 2:
@@ -249,13 +230,6 @@ def _plus_dyad(a, x, y):
         a[7] + x[2] * y[1],
         a[8] + x[2] * y[2],
     )
-
-
-@overload(mean_normal)
-def _mean_normal(s, x):
-    if len(x) == 2:
-        return lambda s, x: (s[0] + s[1]) / 2.0
-    return lambda s, x: (s[0] + s[1] + s[2]) / 3.0
 
 
 @overload(plus_spherical)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from periporo.core import domain as decomposition
-from periporo.core.bonds import Carried
+from periporo.core.blocks import Carried
 from periporo.core.domain import Domain
 from periporo.core.energy import Ledger
 from periporo.core.halo import exchange_rows, pack

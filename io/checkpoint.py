@@ -14,7 +14,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from periporo.core.bonds import Carried
+from periporo.core.blocks import Carried
 from periporo.core.jit import CACHE_FOLDER
 from periporo.core.state import State, memory, own_rows, point_fields
 from periporo.io.vtkhdf import OutputError
