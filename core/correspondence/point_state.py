@@ -128,9 +128,6 @@ class PointState(Standard):
 
     def _describe_ends(self, p, bonds, halo):
         """Tell all points what their links need: E, r and volumes, and the stress that neighbours see of them."""
-        p.link[:] = 0.0
-        if self.sharpened:
-            p.spread[:] = 0.0
         for block, (turned, bulk, shear) in zip(bonds.blocks, self._before, strict=True):
             _find_ends(block.first, block.active, bulk, shear, p.volume, p.share, p.link)
             if turned is not None:
@@ -162,14 +159,13 @@ def _kept_share(kept, lost):
 
 @kernel
 def _find_ends(point, active, bulk, shear, volume, share, link):
-    """Stiffness E of the links of the points with a row here, r = 1, and the factors of their volumes."""
+    """Stiffness E of the links of the points with a row here, r = 1, and the factors of their volumes; or zeros."""
     for n in range(point.shape[0]):
-        if active[n]:
-            i = point[n]
-            link[i, 0] = bulk[n] + 4.0 / 3.0 * shear[n]
-            link[i, 1] = 1.0
-            link[i, 2] = volume[i] * share[i, 0]
-            link[i, 3] = volume[i] * share[i, 1]
+        i = point[n]
+        link[i, 0] = bulk[n] + 4.0 / 3.0 * shear[n] if active[n] else 0.0
+        link[i, 1] = 1.0 if active[n] else 0.0
+        link[i, 2] = volume[i] * share[i, 0] if active[n] else 0.0
+        link[i, 3] = volume[i] * share[i, 1] if active[n] else 0.0
 
 
 @kernel

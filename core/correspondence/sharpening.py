@@ -90,10 +90,12 @@ def _combine(owned, g, gradient, sharp, dim):
 
 @kernel
 def spread_stress(point, active, stress, volume, share, g, sharp, spread, dim):
-    """g S / N of the points with a row here, S = J V beta sigma."""
+    """g S / N of the points with a row here, S = J V beta sigma; zero of inactive ones."""
     n = len(dim) * len(dim)
     for r in range(point.shape[0]):
         i = point[r]
         if active[r] and sharp[i, n] != 0.0:
             factor = g * volume[i] * share[i, 2] / sharp[i, n]
             la.store(spread, i, 0, la.scaled(la.full(la.symmetric_at(stress, r, 0, dim)), factor))
+        else:
+            la.store(spread, i, 0, la.zero_matrix(dim))
