@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from periporo.core.run import _memory
+from periporo.core.check import state_bytes
 from periporo.core.scene import build
 from periporo.io.schema import parse_scene
 
@@ -110,7 +110,7 @@ def count(arguments):
     first, second = sim.bonds.pairs.first, sim.bonds.pairs.second
     shared = COMM.allreduce(int(((first >= owned) | (second >= owned)).sum()))
     sim.halo.close()
-    sent = np.array(COMM.allgather((sim.halo.messages_sent, sim.halo.bytes_sent, _memory(sim)))).max(axis=0)
+    sent = np.array(COMM.allgather((sim.halo.messages_sent, sim.halo.bytes_sent, state_bytes(sim)))).max(axis=0)
     numbers = sum(sim.particles.fields[name].columns or 1 for names in EXCHANGES for name in names)
     if COMM.rank == 0:
         m_neighbours, m_ghosts, m_pairs = model(counts, COMM.size, sim.ghost_reach)
@@ -242,7 +242,7 @@ def memory(arguments):
     ready = time.perf_counter() - began
     for _ in range(3):
         sim.step()
-    state = COMM.allreduce(_memory(sim))
+    state = COMM.allreduce(state_bytes(sim))
     peak = COMM.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
     if COMM.rank == 0:
         points = np.prod(counts)

@@ -1,10 +1,12 @@
 """The command line: `periporo config.yaml` runs a scene, other words name the tools around it."""
 
 import argparse
+import difflib
 import importlib
 import os
 import sys
 import traceback
+from importlib import metadata
 
 TOOLS = {  # word -> module with add_arguments and run, and what it does
     "plot": ("periporo.io.plots", "draw the deposit, the histories and the energy ledger of a result file"),
@@ -17,7 +19,7 @@ TOOLS = {  # word -> module with add_arguments and run, and what it does
     "materials": ("periporo.io.material_list", "list the installed materials with parameters, units and bounds"),
     "drive": ("periporo.materials.driver", "run one material point along a path"),
 }
-INPUT_ERROR, RUN_ERROR = 2, 3
+INPUT_ERROR, RUN_ERROR, INTERRUPTED = 2, 3, 130
 
 _OTHER_MPIRUN = "Use the mpirun that belongs to it (with the extra 'mpi': the one in the environment's bin folder)."
 LAUNCHERS = {  # variable with the number of processes -> who sets it, and what to do instead; the first one counts
@@ -32,6 +34,11 @@ def main(argv: list[str] | None = None) -> int:
     argv = sys.argv[1:] if argv is None else argv
     words = (*TOOLS, "run", "check")
     if argv and argv[0] not in words and not argv[0].startswith("-"):
+        meant = difflib.get_close_matches(argv[0], words, n=1)
+        if meant and not os.path.exists(argv[0]):
+            message = f"periporo: there is no command, and no file, '{argv[0]}'; did you mean '{meant[0]}'?"
+            print(message, file=sys.stderr)
+            return INPUT_ERROR
         argv = ["run", *argv]
     arguments = _parser().parse_args(argv)
     if arguments.word in ("run", "check"):
@@ -43,6 +50,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="periporo", description="Extreme deformation of soils by updated-Lagrangian periporomechanics."
     )
+    parser.add_argument("--version", action="version", version=f"periporo {metadata.version('periporo')}")
     words = parser.add_subparsers(dest="word", required=True, metavar="WORD")
     run = words.add_parser("run", help="run a scene; the word may be left out: periporo config.yaml")
     run.add_argument("config", help="YAML file of the scene")
@@ -88,8 +96,9 @@ def _simulate(arguments) -> int:
     _refuse_foreign_launcher()
     from mpi4py import MPI
 
+    from periporo.core.check import check_scene
     from periporo.core.relaxation import RelaxationError
-    from periporo.core.run import check_scene, run
+    from periporo.core.run import run
     from periporo.core.watchdog import WatchdogError
     from periporo.io.input_errors import InputError
     from periporo.io.writer import OutputError
@@ -108,12 +117,18 @@ def _simulate(arguments) -> int:
             print(f"periporo: {error}", file=sys.stderr, flush=True)
         comm.Barrier()
         return RUN_ERROR if isinstance(error, RelaxationError | WatchdogError) else INPUT_ERROR
-    except BaseException:
-        if comm.size == 1:
-            raise
-        print(f"periporo: rank {comm.rank} failed:\n{traceback.format_exc()}", file=sys.stderr, flush=True)
-        comm.Abort(1)
-        raise
+    except KeyboardInterrupt:
+        return _give_up(comm, "interrupted while the scene was made; nothing to resume", INTERRUPTED)
+    except Exception:  # in a plugin, or a fault of the program
+        return _give_up(comm, f"rank {comm.rank} failed:\n{traceback.format_exc()}", RUN_ERROR)
+
+
+def _give_up(comm, message: str, status: int) -> int:
+    """Say why this rank ends, and end the others, which may be waiting for it."""
+    print(f"periporo: {message}", file=sys.stderr, flush=True)
+    if comm.size > 1:
+        comm.Abort(status)
+    return status
 
 
 def _refuse_foreign_launcher() -> None:

@@ -67,6 +67,8 @@ def _prune(root: Path, current: Path) -> None:
             shutil.rmtree(old, ignore_errors=True)  # another rank may be removing it, too
 
 
+COMPILING = "compiling kernels (once, about half a minute)"
+
 CACHE_FOLDER, CACHE_IS_WARM = _cache_folder()
 numba_config.CACHE_DIR = str(CACHE_FOLDER)
 

@@ -1,4 +1,4 @@
-"""A whole run from the command line: scene, observers, summary, pictures; and its check beforehand."""
+"""A whole run from the command line: scene, observers, summary, pictures."""
 
 import platform
 import time
@@ -53,7 +53,7 @@ def run(
             return target
         with naming(source):
             sim = build(scene, comm)
-            names = _output_names(scene, sim)
+            names = output_names(scene, sim)
         probes = Probes(scene.monitor.points, sim.particles, comm)
         state = _state_to_resume(scene, target, comm, progress.message) if resume else None
         replace = overwrite or (resume and state is None)
@@ -67,7 +67,7 @@ def run(
             keeper = _keeper(scene, target, writer, walltime, signals, progress.message, began)
             sim.guards = [watchdog, keeper]  # in this order: no checkpoint of a state that is taken back
             if not jit.CACHE_IS_WARM:
-                progress.message("compiling kernels (once, about half a minute)")
+                progress.message(jit.COMPILING)
             _start(sim, target) if state is None else _go_on(sim, state, target)
             progress.message(f"ready after {time.monotonic() - began:.1f} s")
             sim.timing.reset()
@@ -78,9 +78,10 @@ def run(
                 progress.message(f"{reason}\ngo on with: {_how_to_resume(source)}")
                 return target
             figures = {"wall_time_s": time.monotonic() - began, "timing": _timing(sim), "retries": watchdog.retries}
-            writer.set_attributes({**figures, **_counters(sim), "finished": 1})
+            deposit = _deposit(sim, history, vertical_axis(scene))
+            writer.set_attributes({**figures, **deposit, **_counters(sim), "finished": 1})
         everywhere(comm, checkpoint.remove, target)
-        for line in _summary(sim, history, vertical_axis(scene)):
+        for line in _summary(sim, history, deposit):
             progress.message(line)
         progress.message(f"results: {target}")
         if pictures and comm.rank == 0:
@@ -200,7 +201,8 @@ def _is_finished(target) -> bool:
         return False
 
 
-def _output_names(scene, sim) -> tuple[str, ...]:
+def output_names(scene, sim) -> tuple[str, ...]:
+    """Names of the fields that the scene writes. Raises InputError if it does not have one."""
     known = fields.available(sim)
     names = scene.output.fields or fields.DEFAULT
     for name in names:
@@ -233,22 +235,30 @@ def _counters(sim) -> dict[str, int]:
     return {"rebuilds": sim.rebuild_count, **{name: sim.comm.allreduce(count) for name, count in sent.items()}}
 
 
-def _summary(sim, history, vertical) -> list[str]:
-    """Energy ledger, run-out and height, and where the time went."""
+def _deposit(sim, history, vertical) -> dict:
+    """Run-out, the half-width that holds 99 % of the deposit; height; and points that belong to nothing."""
     p, n = sim.particles, sim.particles.owned
-    last = history.latest
     across = np.abs(np.delete(p.position[:n], vertical, axis=1)).max(axis=1, initial=0.0)
     regular = p.share[:n, 1] > 0.0
-    front = quantile(sim.comm, across[regular], 0.99) + 0.5 * sim.spacing
-    lost = sim.comm.allreduce(int((~regular).sum()))
+    return {
+        "run_out_m": quantile(sim.comm, across[regular], 0.99) + 0.5 * sim.spacing,
+        "height_m": history.latest["height"],
+        "free_flying_points": sim.comm.allreduce(int((~regular).sum())),
+    }
+
+
+def _summary(sim, history, deposit) -> list[str]:
+    """Energy ledger, run-out and height, and where the time went."""
+    last = history.latest
     energies = [name for name in last if history.UNITS.get(name) == "J"]
-    ledger = [f"  {name.replace('_', ' '):22s} {last[name]:+.6e} J" for name in energies]
+    ledger = [f"  {name.replace('_', ' '):22s} {last[name] + 0.0:+.6e} J" for name in energies]  # + 0.0: no minus zero
     error = abs(last["energy_residual"] - last["integration_term"])
     return [
         "energy ledger",
         *ledger,
         f"  unexplained            {error:.1e} J",
-        f"run-out {front:.4g} m (99 % of the deposit), height {last['height']:.4g} m, free-flying points {lost}",
+        f"run-out {deposit['run_out_m']:.4g} m (99 % of the deposit), height {deposit['height_m']:.4g} m, "
+        f"free-flying points {deposit['free_flying_points']}",
         "time of the run",
         *(f"  {line}" for line in sim.timing.lines()),
     ]
@@ -261,37 +271,3 @@ def _pictures(target):
         return plot_run(target)
     except ImportError as error:
         return [f"none ({error})"]
-
-
-def check_scene(path, comm) -> int:
-    """Build the scene and say what it will cost: points, bonds, memory, time step, steps, expected run time."""
-    scene = read_everywhere(path, comm)
-    with naming(path):
-        sim = build(scene, comm)
-        _output_names(scene, sim)
-    sim.start()
-    sim.step()  # the first one measures the stable time step
-    began, trials = time.perf_counter(), 20
-    for _ in range(trials):
-        sim.step()
-    seconds = comm.allreduce((time.perf_counter() - began) / trials) / comm.size
-    points, pairs = comm.allreduce(sim.particles.owned), comm.allreduce(len(sim.bonds.pairs.first))
-    duration = sum(getattr(stage, "duration", 0.0) for stage in sim.stages)
-    steps = duration / sim.dt
-    if comm.rank == 0:
-        print(f"{path}: valid")
-        print(f"  points        {points:,}, pairs {pairs:,}, on {comm.size} rank(s)")
-        print(f"  memory        {comm.size * _memory(sim) / 1e6:.1f} MB of state")
-        print(f"  time step     {sim.dt:.3g} s at the start")
-        print(f"  motion        {duration:g} s, about {steps:,.0f} steps or more as the soil deforms")
-        cost = seconds * 1e6 / max(points, 1)
-        print(f"  run time      about {steps * seconds:,.0f} s at {cost:.2f} us per point and step")
-    return 0
-
-
-def _memory(sim) -> int:
-    """Bytes of the arrays of points, rows and pairs on this rank."""
-    arrays = [getattr(sim.particles, name) for name in sim.particles.fields]
-    for part in (*sim.bonds.carriers, sim.bonds.pairs, sim.bonds, sim.scheme):
-        arrays += [value for value in vars(part).values() if isinstance(value, np.ndarray)]
-    return sum(a.nbytes for a in {id(a): a for a in arrays}.values())

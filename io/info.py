@@ -14,6 +14,8 @@ def describe_results(results):
     size = results.path.stat().st_size / 1e6
     lines = [f"{results.path}  ({size:.1f} MB, {results.dimension}D)"]
     lines += [f"  {name:<28}{text}" for name, text in short_attributes(results).items()]
+    if "finished" not in results.attributes:
+        lines.append("unfinished: the run still goes on, or ended early; --resume goes on from its checkpoint")
     if not len(results):
         return "\n".join([*lines, "no output yet"])
     lines.append(f"outputs: {len(results)}, time {results.times[0]:.6g} ... {results.times[-1]:.6g} s, "

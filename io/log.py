@@ -1,5 +1,6 @@
 """Progress and messages of a run: a live line on a terminal, plain lines elsewhere; rank 0 speaks."""
 
+import os
 import time as clock
 from collections import deque
 
@@ -16,6 +17,15 @@ _NAMES = {"kinetic_energy": "kinetic", "internal_energy": "internal", "max_speed
 _UNITS = {"kinetic_energy": "J", "internal_energy": "J", "energy_residual": "J", "max_speed": "m/s"}
 
 
+class _PatientConsole(Console):
+    """A console that falls silent when nobody reads it any more: a run goes on when its `tee` or pipe has ended."""
+
+    def on_broken_pipe(self):
+        """In place of ending the program."""
+        self.quiet = True
+        os.dup2(os.open(os.devnull, os.O_WRONLY), self.file.fileno())
+
+
 class Progress:
     """Shows how a run goes on; does nothing on ranks other than 0, or if not enabled.
 
@@ -28,7 +38,7 @@ class Progress:
         self._now = now
         self._console = console
         if self.enabled and console is None:
-            self._console = Console(highlight=False, soft_wrap=True)
+            self._console = _PatientConsole(highlight=False, soft_wrap=True)
         self._live = None
         self._due = float("inf")  # clock at which the next line is due
         self._stage, self._end, self._points = "", None, 0
@@ -126,8 +136,11 @@ class Progress:
         return done * full + rest * (_BAR - full) + "  "
 
     def _print(self, text):
-        self._console.print(text, markup=False)
-        self._console.file.flush()
+        try:
+            self._console.print(text, markup=False)
+            self._console.file.flush()
+        except BrokenPipeError:
+            self._console.on_broken_pipe()
 
     def _stop_live(self):
         if self._live is not None:

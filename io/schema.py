@@ -186,7 +186,7 @@ class Output(SceneModel):
         "name of the result file in the working folder; default: the scene's name", default=None
     )
     fields: tuple[Name, ...] | None = key(
-        "fields to write; default: the usual ones", default=None, max_length=100
+        "fields to write, see the page on results; default: the usual ones", default=None, max_length=100
     )
     history_interval: Integer = key("steps between entries of histories", "steps", default=10, ge=1, le=10**6)
 

@@ -18,7 +18,12 @@ from pathlib import Path
 import pytest
 import yaml
 
-from periporo.core import cli
+from periporo.core import cli, fields
+from periporo.core.dissipation import PlasticDissipation
+from periporo.core.energy import WORK
+from periporo.core.fields import StrainMeasures
+from periporo.core.observers import HistoryObserver
+from periporo.core.pore_water import PoreWater
 from periporo.io.schema import SceneInput, load_scene, parse_scene
 from periporo.io.yaml_source import parse_yaml
 
@@ -274,3 +279,12 @@ def test_fences_without_a_language_hold_no_commands():
         for _, language, text in blocks(page):
             if language == "":
                 assert not re.search(r"^(periporo|python|pip|pytest|mpirun) ", text, re.M), f"{page.name}: {text}"
+
+
+def test_every_name_of_a_result_is_explained():
+    text = (ROOT / "docs" / "results.md").read_text()
+    processes = (PlasticDissipation, PoreWater, StrainMeasures)
+    names = {*fields.DEFAULT, *fields._PLAIN, *HistoryObserver.UNITS, *(name for p in processes for name in p.output)}
+    names |= {f"{channel}_force" for channel in WORK if channel not in ("prescribed", "integration")}
+    missing = {name for name in names if f"`{name}`" not in text}
+    assert len(names) > 25 and not missing

@@ -57,6 +57,7 @@ def test_a_scene_runs_from_its_file(call, scene, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["scene.h5", "scene.yaml"]
     with h5py.File("scene.h5") as file:
         run = dict(file["Run"].attrs)
+        assert 0.0 < run["height_m"] < run["run_out_m"] * 3.0 and run["free_flying_points"] == 0
         assert run["ranks"] == 1 and run["rebuilds"] >= 1 and run["messages"] == run["migrated_points"] == 0
         assert yaml.safe_load(run["configuration"])["spacing"] == 0.01
         assert all(name in run["versions"] for name in ("periporo", "numpy", "numba", "h5py", "mpi4py"))
@@ -119,6 +120,17 @@ def test_check_counts_the_memory_of_points_and_rows_and_links(call, scene_of, tm
     links = pairs * (8 + 1)  # stress, and whether it is active
     assert found[1] - found[0] >= 0.9 * links - 1e5  # of the rounding of both texts
     assert found[0] > pairs * (2 * 4 + 2 * 8 + 8)  # ends, ids and influence of pairs
+
+
+def test_check_doubts_a_step_that_is_too_long_and_moduli_that_are_too_small(call, scene, scene_of):
+    assert "doubtful" not in call("check", scene())[1]
+    _, out, _ = call("check", scene(time_step={"fixed": 1e-3}))
+    assert "doubtful" in out and "0.001 s is longer than the stability limit" in out
+    materials = scene_of()["materials"]
+    name, law = next(iter(materials.items()))
+    soft = {key: value / 1e6 if key.endswith("modulus") else value for key, value in law.items()}
+    _, out, _ = call("check", scene(materials={name: soft}, gravity=[0.0, -9.81]))
+    assert "doubtful" in out and f"material '{name}'; are its moduli in Pa?" in out
 
 
 @pytest.mark.parametrize("word", ["run", "check"])
@@ -186,6 +198,32 @@ def test_a_column_that_cannot_come_to_rest_fails_with_status_3(call, scene):
     assert status == 3 and "stage 'settle'" in error and "max_steps" in error and "Traceback" not in error
 
 
+def test_a_misspelt_command_is_recognised_unless_there_is_such_a_file(call, scene, tmp_path):
+    status, _, error = call("plott", "run.h5")
+    assert status == 2 and "did you mean 'plot'?" in error
+    os.rename(scene(), "runn")
+    assert call("runn", "--no-plot")[0] == 0
+
+
+def test_version(call):
+    status, out, _ = call("--version")
+    assert status == 0 and re.fullmatch(r"periporo \d+\.\d+\.\d+\n", out)
+
+
+def test_a_fault_of_the_program_ends_with_its_traceback_and_status_3(call, scene, monkeypatch):
+    monkeypatch.setattr(Simulation, "start", lambda self: 1 / 0)
+    status, _, error = call(scene(), "--no-plot")
+    assert status == 3 and "rank 0 failed" in error and "ZeroDivisionError" in error
+
+
+def test_a_run_goes_on_when_nobody_reads_what_it_says(scene, tmp_path):
+    command = f"{sys.executable} -m periporo.core.cli {scene()} --no-plot | true; exit ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and done.stderr == ""
+    with h5py.File(tmp_path / "scene.h5") as file:
+        assert file["Run"].attrs["finished"] == 1
+
+
 def test_command_line_mistakes(call):
     for words in ((), ("run",), ("scene.yaml", "--overwrit3"), ("plot",)):
         status, _, error = call(*words)
@@ -204,7 +242,10 @@ def test_tools_refuse_a_file_that_is_not_there(call, tool):
 def test_tools_work_on_a_result(call, scene):
     assert call(scene(), "--quiet", "--no-plot")[0] == 0
     status, out, _ = call("info", "scene.h5")
-    assert status == 0 and "stress" in out
+    assert status == 0 and "stress" in out and "unfinished" not in out
+    with h5py.File("scene.h5", "a") as file:
+        del file["Run"].attrs["finished"]
+    assert "unfinished" in call("info", "scene.h5")[1]
     assert call("compare", "scene.h5", "scene.h5")[0] == 0
 
 
@@ -251,7 +292,7 @@ def shipped():
     return sorted(f.name for f in folder.iterdir() if f.name.endswith(".yaml"))
 
 
-class Accepted(Exception):
+class Accepted(BaseException):
     """The scene was found valid, and would now run."""
 
 
