@@ -34,16 +34,25 @@ def main(argv: list[str] | None = None) -> int:
     argv = sys.argv[1:] if argv is None else argv
     words = (*TOOLS, "run", "check")
     if argv and argv[0] not in words and not argv[0].startswith("-"):
-        meant = difflib.get_close_matches(argv[0], words, n=1)
-        if meant and not os.path.exists(argv[0]):
-            message = f"periporo: there is no command, and no file, '{argv[0]}'; did you mean '{meant[0]}'?"
-            print(message, file=sys.stderr)
+        mistake = _mistake(argv[0], words)
+        if mistake is not None:
+            print(f"periporo: {mistake}", file=sys.stderr)
             return INPUT_ERROR
         argv = ["run", *argv]
     arguments = _parser().parse_args(argv)
     if arguments.word in ("run", "check"):
         return _simulate(arguments)
     return _use_tool(arguments)
+
+
+def _mistake(word: str, words) -> str | None:
+    """What is wrong with a word that should name a scene, as far as one can tell."""
+    if word.endswith(".h5"):
+        return f"'{word}' is the name of a result file, not of a scene; did you mean 'periporo plot {word}'?"
+    meant = difflib.get_close_matches(word, words, n=1)
+    if meant and "." not in word and not os.path.exists(word):
+        return f"there is no command, and no file, '{word}'; did you mean '{meant[0]}'?"
+    return None
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -84,6 +93,9 @@ def _use_tool(arguments) -> int:
         status = importlib.import_module(arguments.module).run(arguments)
         sys.stdout.flush()
         return status
+    except KeyboardInterrupt:
+        print(f"periporo {arguments.word}: interrupted", file=sys.stderr)
+        return INTERRUPTED
     except BrokenPipeError:  # whoever reads the output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0

@@ -77,7 +77,8 @@ class Watchdog:
         if self._last_kind != "energy":
             self._scale_time_step(sim, 2.0**self._failures)
         self._failures = 0
-        self.message(f"step {sim.step_number}: sound again, going on with {sim.time_step.reduction:g} of the time step")
+        part = "the full" if sim.time_step.reduction == 1.0 else f"{sim.time_step.reduction:g} of the"
+        self.message(f"step {sim.step_number}: sound again, going on with {part} time step")
 
     def _keep(self, sim):
         _forget_peaks(sim)

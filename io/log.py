@@ -103,8 +103,7 @@ class Progress:
         while len(self._marks) > 2 and now - self._marks[1][0] > _WINDOW:
             self._marks.popleft()
         if self._live is not None:
-            self._live.update(Text("\n".join(self._lines(live=True)), overflow="ellipsis", no_wrap=True),
-                              refresh=True)
+            self._live.update(Text("\n".join(self._lines(live=True)), overflow="fold"), refresh=True)
             self._due = now + _LIVE_INTERVAL
         else:
             self._print("  ".join(self._lines(live=False)))

@@ -44,7 +44,7 @@ def plot_histories(results, path):
         raise ResultError(f"{results.path} holds no histories to draw")
     across, label = _abscissa(results)
     with matplotlib.rc_context(STYLE | {"axes.grid": True}):
-        columns = min(len(names), 3)
+        columns = 2 if len(names) in (2, 4) else min(len(names), 3)
         rows = -(-len(names) // columns)
         figure = Figure(figsize=(3.4 * columns + 0.4, 2.3 * rows + 0.5), layout="constrained")
         panels = figure.subplots(rows, columns, squeeze=False).ravel()
@@ -98,15 +98,16 @@ def plot_energy(results, path):
 def plot_run(path, out=None, animate=False, *, field=None, step=-1):
     """Make the pictures of a result file that it has the data for; the list of files written.
 
-    out: folder, by default that of the result file. The files are named after it: `run_deposit.png`,
-    `run_histories.png`, `run_energy.png`, and with `animate` `run_movie.mp4`, or `.gif` without ffmpeg.
+    out: folder, by default that of the result file. The files are named after it: `run_deposit.png`, or with a `field`
+    for example `run_stress.yy.png`; `run_histories.png`, `run_energy.png`, and with `animate` `run_movie.mp4`, or
+    `.gif` without ffmpeg.
     """
     path = Path(path)
     folder = Path(out) if out is not None else path.parent
     with open_results(path) as results:
         results.output(step)  # fails before anything is written
         folder.mkdir(parents=True, exist_ok=True)
-        files = [folder / f"{path.stem}_deposit.png"]
+        files = [folder / f"{path.stem}_{'deposit' if field is None else field}.png"]
         plot_deposit(results, files[0], step, field)
         names = set(results.history_names)
         if names - {"step", "time", *_BALANCE}:

@@ -201,6 +201,8 @@ def test_a_column_that_cannot_come_to_rest_fails_with_status_3(call, scene):
 def test_a_misspelt_command_is_recognised_unless_there_is_such_a_file(call, scene, tmp_path):
     status, _, error = call("plott", "run.h5")
     assert status == 2 and "did you mean 'plot'?" in error
+    status, _, error = call("run.h5")
+    assert status == 2 and "did you mean 'periporo plot run.h5'?" in error
     os.rename(scene(), "runn")
     assert call("runn", "--no-plot")[0] == 0
 

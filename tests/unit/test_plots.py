@@ -145,7 +145,7 @@ def test_run_makes_all_pictures(tmp_path, heap):
     plots.add_arguments(parser)
     words = [str(path), "--out", str(tmp_path / "out"), "--field", "velocity", "--step", "1"]
     assert plots.run(parser.parse_args(words)) == 0
-    assert not np.array_equal(pixels(tmp_path / "out" / "run_deposit.png"), pixels(files[0]))
+    assert not np.array_equal(pixels(tmp_path / "out" / "run_velocity.png"), pixels(files[0]))
 
 
 def test_pictures_that_the_file_has_no_data_for(tmp_path, heap):
