@@ -10,6 +10,7 @@ import operator
 from llvmlite import ir
 from numba import types
 from numba.core.datamodel import models
+from numba.core.errors import LoweringError
 from numba.extending import intrinsic, overload, register_model
 
 from periporo.core.jit import inlined
@@ -259,6 +260,8 @@ def _machine(size):
 
 def _at(context, builder, signature, arguments, place):
     """Pointer to a place of the array that is the first argument."""
+    if signature.args[0].layout != "C":
+        raise LoweringError(f"rows of a vector must follow each other in memory, not those of {signature.args[0]}")
     return builder.gep(context.make_array(signature.args[0])(context, builder, arguments[0]).data, [place])
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numba.core.errors import LoweringError
 
 from periporo.core import vectors
 from periporo.core.algebra import DIMENSION
@@ -132,6 +133,12 @@ def test_moments_of_a_pair(random, d):
     out = np.zeros((1, len(expected)))
     moments_of(pairs, 2, DIMENSION[d], out)
     np.testing.assert_array_equal(out[0], expected)
+
+
+def test_rows_that_do_not_follow_each_other_are_refused():
+    rows = np.zeros((2, 8))[:, ::2]
+    with pytest.raises(LoweringError, match="must follow each other in memory"):
+        combine(rows, (0.0,) * 4, 1.0, np.zeros((6, 4)))
 
 
 def test_nan_stays_visible_and_where_it_is():
