@@ -7,6 +7,8 @@ from mpi4py import MPI
 
 from periporo.core.jit import kernel
 
+_MAGNITUDE = np.int64(2**63 - 1)  # all bits of a float64 but that of its sign
+
 
 def maximum(comm: MPI.Comm, value: float) -> float:
     """Largest value over ranks; NaN on any rank gives NaN."""
@@ -38,21 +40,26 @@ def exact_sum(comm: MPI.Comm, values: np.ndarray) -> np.ndarray:
     if values.ndim == 1:
         values = values[:, None]
     columns = values.shape[1]
-    head = np.zeros((2, columns))  # largest magnitude, and whether all are finite
-    _look_over(values, head)
-    comm.Allreduce(MPI.IN_PLACE, head, MPI.MAX)
+    values = np.ascontiguousarray(values)
+    largest = np.zeros(columns, np.int64)
+    _largest_bits(values.view(np.int64), largest)
+    comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
+    largest = largest.view(np.float64)
+    spoiled = ~np.isfinite(largest)
+    if spoiled.any():
+        values, largest = np.where(spoiled, 0.0, values), np.where(spoiled, 0.0, largest)
     count = comm.allreduce(len(values))
     bits = 61 - max(count, 1).bit_length()
-    exponent = np.frexp(head[0])[1]
+    exponent = np.frexp(largest)[1]
     shift = bits - exponent
     factors = np.ldexp(1.0, [shift // 2, shift - shift // 2])  # by halves: the whole one may not be a number
     words = np.zeros((2, columns), np.int64)
-    _add_words(values, factors, head[1], 2.0**bits, words)
+    _add_words(values, factors, 2.0**bits, words)
     comm.Allreduce(MPI.IN_PLACE, words, MPI.SUM)
     result = np.empty(columns)
     for c in range(columns):
         whole = (int(words[0, c]) << bits) + int(words[1, c])  # exact, rounded once below
-        result[c] = math.nan if head[1, c] else _to_float(whole, int(exponent[c]) - 2 * bits)
+        result[c] = math.nan if spoiled[c] else _to_float(whole, int(exponent[c]) - 2 * bits)
     return result
 
 
@@ -62,26 +69,27 @@ def inner(comm: MPI.Comm, a: np.ndarray, b: np.ndarray) -> float:
 
 
 @kernel
-def _look_over(values, head):
-    for r in range(values.shape[0]):
-        for c in range(values.shape[1]):
-            size = abs(values[r, c])
-            if not size < np.inf:
-                head[1, c] = 1.0
-            elif size > head[0, c]:
-                head[0, c] = size
+def _largest_bits(bits, largest):
+    """Largest magnitude of each column of float64, all as integers: these are ordered alike, and NaN is above all."""
+    for c in range(bits.shape[1]):
+        found = np.int64(0)
+        for r in range(bits.shape[0]):
+            found = max(found, bits[r, c] & _MAGNITUDE)
+        largest[c] = found
 
 
 @kernel
-def _add_words(values, factors, spoiled, scale, words):
-    """Add the two integers of every value of the columns that are not `spoiled`."""
-    for r in range(values.shape[0]):
-        for c in range(values.shape[1]):
-            if spoiled[c] == 0.0:
-                scaled = values[r, c] * factors[0, c] * factors[1, c]
-                high = np.rint(scaled)
-                words[0, c] += np.int64(high)
-                words[1, c] += np.int64(np.rint((scaled - high) * scale))
+def _add_words(values, factors, scale, words):
+    """Add the two integers of every value; a column at a time, which a machine vector holds eight rows of."""
+    for c in range(values.shape[1]):
+        high_sum, low_sum = np.int64(0), np.int64(0)
+        for r in range(values.shape[0]):
+            scaled = values[r, c] * factors[0, c] * factors[1, c]
+            high = np.rint(scaled)
+            high_sum += np.int64(high)
+            low_sum += np.int64(np.rint((scaled - high) * scale))
+        words[0, c] += high_sum
+        words[1, c] += low_sum
 
 
 def _to_float(mantissa: int, exponent: int) -> float:
