@@ -11,6 +11,7 @@ from mpi4py import MPI
 from periporo.core.jit import kernel
 from periporo.core.particles import Field, Particles
 from periporo.core.reductions import exact_sum
+from periporo.core.tensors import square_lengths
 
 WORK = ("internal", "external", "contact", "friction", "damping", "prescribed", "integration")
 """Columns of the point field `work` (J): force channels, constraints, and the time integrator's own term."""
@@ -65,7 +66,7 @@ class Ledger:
         """Kinetic energy."""
         p = self._particles
         v = p.velocity[: p.owned]
-        return float(exact_sum(self._comm, 0.5 * p.mass * (v * v).sum(axis=1))[0])
+        return float(exact_sum(self._comm, 0.5 * p.mass * square_lengths(v))[0])
 
     def entries(self) -> dict[str, float]:
         """Energies and work since the start, with the residual of the balance.
@@ -75,7 +76,7 @@ class Ledger:
         """
         p = self._particles
         v = p.velocity[: p.owned]
-        kinetic = 0.5 * p.mass * (v * v).sum(axis=1)
+        kinetic = 0.5 * p.mass * square_lengths(v)
         entries = self._named(exact_sum(self._comm, np.concatenate([kinetic[:, None], p.work], axis=1)))
         if "plastic_dissipation" in p.fields:  # a part of the internal energy that its laws report
             entries["plastic_dissipation"] = float(exact_sum(self._comm, p.plastic_dissipation)[0])

@@ -4,6 +4,7 @@ import numpy as np
 
 from periporo.core import fields
 from periporo.core.reductions import maximum
+from periporo.core.tensors import square_lengths
 
 
 class Observer:
@@ -123,16 +124,16 @@ class HistoryObserver(Observer):
         p, n = sim.particles, sim.particles.owned
         x = p.position[:n]
         up = x[:, self.vertical]
-        across = np.delete(x, self.vertical, axis=1)
+        across = [column for axis, column in enumerate(x.T) if axis != self.vertical]
         half = 0.5 * sim.spacing  # a point stands for a cell
-        speed = np.sqrt((p.velocity[:n] ** 2).sum(axis=1).max(initial=0.0))
+        speed = np.sqrt(square_lengths(p.velocity[:n]).max(initial=0.0))
         self.latest = {
             "step": sim.step_number,
             "time": sim.time,
             "dt": sim.dt,
             **sim.ledger.entries(),
             "max_speed": maximum(sim.comm, speed),
-            "front": maximum(sim.comm, float(np.abs(across).max(initial=0.0))) + half,
+            "front": maximum(sim.comm, float(np.max([np.abs(column).max(initial=0.0) for column in across]))) + half,
             "height": maximum(sim.comm, float(up.max(initial=-np.inf))) + half,
             **({} if self.probes is None else self.probes.entries(p)),
         }

@@ -24,3 +24,9 @@ def test_equivalent_shear_of_uniaxial_stress_is_its_size():
 def test_components_of_each_dimension():
     assert [tensors.component_count(d) for d in (2, 3)] == [4, 6]
     assert tensors.COMPONENTS[: tensors.component_count(2)] == ("xx", "yy", "zz", "xy")
+
+
+def test_square_lengths():
+    v = np.random.default_rng(2).normal(size=(7, 3))
+    assert tensors.square_lengths(v) == pytest.approx(np.linalg.norm(v, axis=1) ** 2, rel=1e-14)
+    assert tensors.square_lengths(np.array([[3.0, 4.0], [0.0, np.nan]]))[0] == 25.0
