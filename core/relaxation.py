@@ -10,6 +10,7 @@ import numpy as np
 
 from periporo.core.energy import WORK
 from periporo.core.reductions import exact_sum
+from periporo.core.tensors import square_lengths
 
 _STEERING, _DECAY, _PATIENCE = 0.1, 0.99, 5
 _REMEMBERED = ("_time", "_first_step", "_steering", "_downhill")
@@ -116,6 +117,6 @@ class Relaxation:
     def _set_velocity(self, p, velocity) -> None:
         """Impose velocities (owned, d); the energy that this takes away counts as damping."""
         n = p.owned
-        change = (velocity**2).sum(axis=1) - (p.velocity[:n] ** 2).sum(axis=1)
+        change = square_lengths(velocity) - square_lengths(p.velocity[:n])
         p.work[:, _DAMPING] += 0.5 * p.mass * change
         p.velocity[:n] = velocity

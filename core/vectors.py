@@ -18,13 +18,8 @@ from periporo.core.jit import inlined
 WIDTH = 8
 """Numbers kept for each pair: 1, the components of xi, those of dv, and padding."""
 
-# Factors of the products 1, xi_a xi_b (order of a shape tensor) and dv_a xi_b (a matrix, row by row), as places in
-# (1, xi, dv).
-_FACTORS = {
-    2: ([0, 1, 2, 1, 3, 3, 4, 4], [0, 1, 2, 2, 1, 2, 1, 2]),
-    3: ([0, 1, 2, 3, 1, 2, 1, 4, 4, 4, 5, 5, 5, 6, 6, 6], [0, 1, 2, 3, 2, 3, 3, 1, 2, 3, 1, 2, 3, 1, 2, 3]),
-}
-
+# Factors of the products xi_a xi_b, in the order of a shape tensor.
+_SHAPE = {2: ([0, 1, 0], [0, 1, 1]), 3: ([0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2])}
 _ORDER = {4: 2, 9: 3}  # of a matrix with so many numbers
 _ANY = None  # place: whatever is quickest
 
@@ -96,7 +91,11 @@ def moments(typingctx, pairs, k, dim):
     `pairs` is a flat array with (1, xi, dv) of pair k in its places WIDTH k, WIDTH k + 1, ...; `dim` as in
     `periporo.core.algebra`.
     """
-    left, right = _FACTORS[len(dim)]
+    d = len(dim)
+    first, second = _SHAPE[d]
+    # factors of the products 1, xi_a xi_b and dv_a xi_b, as places in (1, xi, dv)
+    left = [0, *(1 + a for a in first), *(1 + d + a for a in range(d) for _ in range(d))]
+    right = [0, *(1 + b for b in second), *(1 + b for _ in range(d) for b in range(d))]
 
     def code(context, builder, signature, arguments):
         place = builder.mul(arguments[1], arguments[1].type(WIDTH))
@@ -148,12 +147,11 @@ def dyad(x, y):
 @intrinsic
 def square(typingctx, x):
     """x (x) x as a symmetric d x d matrix (3|6)."""
-    left, right = {2: ([0, 1, 0], [0, 1, 1]), 3: ([0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2])}[x.size]
 
     def code(context, builder, signature, arguments):
-        return builder.fmul(*(_picked(builder, arguments[0], _filled(places)) for places in (left, right)))
+        return builder.fmul(*(_picked(builder, arguments[0], _filled(places)) for places in _SHAPE[x.size]))
 
-    return Vector(len(left))(x), code
+    return Vector(len(_SHAPE[x.size][0]))(x), code
 
 
 @intrinsic

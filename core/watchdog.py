@@ -16,6 +16,7 @@ from periporo.core.interrupt import CHECK_INTERVAL
 from periporo.core.jit import kernel
 from periporo.core.reductions import maximum
 from periporo.core.state import capture, install
+from periporo.core.tensors import square_lengths
 
 SNAPSHOT_INTERVAL = 500  # steps between states kept in memory
 MOST_RETRIES = 3  # at half, quarter and an eighth of the step
@@ -175,7 +176,7 @@ def nan_points(sim) -> np.ndarray:
 def speed_ratios(sim, fastest) -> np.ndarray:
     """Per owned point: speed over the wave speed of its material."""
     p, n = sim.particles, sim.particles.owned
-    return np.sqrt((p.velocity[:n] ** 2).sum(axis=1)) / fastest[p.material[:n]]
+    return np.sqrt(square_lengths(p.velocity[:n])) / fastest[p.material[:n]]
 
 
 def strain_jumps(sim) -> np.ndarray:
