@@ -20,7 +20,7 @@ def check_scene(path, comm) -> int:
     with naming(path):
         sim = build(scene, comm)
         output_names(scene, sim)
-    if not jit.CACHE_IS_WARM and comm.rank == 0:
+    if not jit.cache_is_warm() and comm.rank == 0:
         print(jit.COMPILING, flush=True)
     sim.start()
     doubts = [*_step_too_long(sim), *_too_soft(sim, scene)]

@@ -66,9 +66,10 @@ def run(
             watchdog = _watchdog(scene, target, writer, progress.message)
             keeper = _keeper(scene, target, writer, walltime, signals, progress.message, began)
             sim.guards = [watchdog, keeper]  # in this order: no checkpoint of a state that is taken back
-            if not jit.CACHE_IS_WARM:
+            if not jit.cache_is_warm():
                 progress.message(jit.COMPILING)
             _start(sim, target) if state is None else _go_on(sim, state, target)
+            jit.remember_warm()
             progress.message(f"ready after {time.monotonic() - began:.1f} s")
             sim.timing.reset()
             sim.halo.reset_counters()

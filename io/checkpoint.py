@@ -15,11 +15,11 @@ import h5py
 import numpy as np
 
 from periporo.core.blocks import Carried
-from periporo.core.jit import CACHE_FOLDER
+from periporo.core.jit import program_fingerprint
 from periporo.core.state import State, memory, own_rows, point_fields
 from periporo.io.vtkhdf import OutputError
 
-PROGRAM = CACHE_FOLDER.name
+PROGRAM = program_fingerprint()
 """What wrote a checkpoint: version of the sources and kind of processor, on which bits may depend."""
 
 _BLOCK = 32_768  # ids whose points, or whose rows, rank 0 gathers at once

@@ -21,7 +21,7 @@ from periporo.io.input_errors import SCREEN_LINES, SCREEN_WIDTH
 @pytest.fixture
 def call(call, monkeypatch):
     """As in other files, but without a word on kernels that are compiled."""
-    monkeypatch.setattr(jit, "CACHE_IS_WARM", True)
+    monkeypatch.setattr(jit, "cache_is_warm", lambda: True)
     return call
 
 

@@ -167,7 +167,7 @@ WRONG = {
 def test_refusals_while_building_name_file_and_line_and_nothing_is_said_before(
     call, scene_of, tmp_path, monkeypatch, case, warm
 ):
-    monkeypatch.setattr(jit, "CACHE_IS_WARM", warm)
+    monkeypatch.setattr(jit, "cache_is_warm", lambda: warm)
     changes, words = WRONG[case]
     (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene_of() | changes))
     status, out, error = call("scene.yaml")

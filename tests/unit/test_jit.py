@@ -1,10 +1,11 @@
-"""The cache of machine code: its folder depends on all that the code depends on, and is found where one can write."""
+"""The cache of machine code: its folders depend on all that the code depends on, and lie where one can write."""
 
 import importlib
 import os
 import pkgutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 from types import ModuleType
 
@@ -16,34 +17,56 @@ import periporo
 from periporo.core import jit
 
 
-def fingerprint_with(monkeypatch, package):
-    monkeypatch.setattr(jit, "_PACKAGE", package)
-    return jit._fingerprint()
-
-
 @pytest.fixture
-def package(tmp_path):
-    for folder in ("core", "materials/inner", "contact", "io"):
-        (tmp_path / folder).mkdir(parents=True)
-        (tmp_path / folder / "source.py").write_text("x = 1\n")
+def package(tmp_path, monkeypatch):
+    """A program of four files, law -> algebra, plane -> step -> algebra, and a plugin, law -> help and algebra."""
+    for name, text in {
+        "core/algebra.py": "x = 1\n",
+        "core/step.py": "def later():\n    from periporo.core import algebra as la, other\n",
+        "materials/law.py": "from periporo.core.algebra import (\n    x,\n)\n",
+        "contact/plane.py": "import periporo.core.step\n",
+        "plug/__init__.py": "",
+        "plug/help.py": "y = 1\n",
+        "plug/law.py": "from . import help\nfrom periporo.core.algebra import x\n",
+        "plug/spare.py": "",
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.setattr(jit, "_PACKAGE", tmp_path)
     return tmp_path
 
 
-@pytest.mark.parametrize("changed", ["core/source.py", "materials/inner/source.py", "contact/source.py"])
-def test_fingerprint_follows_every_source_of_kernels(monkeypatch, package, changed):
-    before = fingerprint_with(monkeypatch, package)
-    assert fingerprint_with(monkeypatch, package) == before
-    (package / changed).write_text("x = 2\n")
-    assert fingerprint_with(monkeypatch, package) != before
+REACHED = {
+    "core/algebra.py": {"core/algebra.py", "core/step.py", "materials/law.py", "contact/plane.py", "plug/law.py"},
+    "core/step.py": {"core/step.py", "contact/plane.py"},
+    "materials/law.py": {"materials/law.py"},
+    "plug/help.py": {"plug/help.py", "plug/law.py"},
+    "plug/spare.py": {"plug/spare.py"},
+}
 
 
-def test_fingerprint_follows_the_compiler_and_the_processor(monkeypatch):
-    before = jit._fingerprint()
+@pytest.mark.parametrize("changed", REACHED)
+def test_machine_code_follows_every_source_that_it_depends_on_and_no_other(package, changed):
+    def names():
+        jit._imported.cache_clear(), jit.sources_of.cache_clear()
+        return {str(p.relative_to(package)): jit._digest(jit.sources_of(p)) for p in package.rglob("*.py")}
+
+    before = names()
+    (package / changed).write_text((package / changed).read_text() + "z = 2\n")
+    after = names()
+    assert {name for name in before if before[name] != after[name]} == REACHED[changed]
+
+
+def test_fingerprint_of_the_program_follows_its_sources_the_compiler_and_the_processor(package, monkeypatch):
+    seen = {jit.program_fingerprint()}
+    for changed in ("core/step.py", "materials/law.py", "contact/plane.py"):
+        (package / changed).write_text("x = 2\n")
+        seen.add(jit.program_fingerprint())
     monkeypatch.setattr(jit.numba, "__version__", "0.0")
-    assert jit._fingerprint() != before
-    monkeypatch.undo()
+    seen.add(jit.program_fingerprint())
     monkeypatch.setattr(jit.numba_config, "CPU_NAME", "generic-1")
-    assert jit._fingerprint() != before
+    seen.add(jit.program_fingerprint())
+    assert len(seen) == 6
 
 
 def test_kernels_call_only_what_is_inlined():
@@ -65,34 +88,30 @@ def called_by(function):
     return [place[name] for name in names for place in places if isinstance(place.get(name), Dispatcher)]
 
 
-def test_folder_is_cold_once_and_warm_when_it_holds_something(monkeypatch, tmp_path):
-    monkeypatch.setenv("PERIPORO_CACHE", str(tmp_path))
-    folder, warm = jit._cache_folder()
-    assert folder.parent == tmp_path and folder.is_dir() and not warm
-    (folder / "kernel").write_text("")
-    assert jit._cache_folder() == (folder, True)
+def test_the_cache_is_cold_until_a_run_has_compiled(monkeypatch, tmp_path):
+    monkeypatch.setattr(jit, "CACHE_ROOT", tmp_path)
+    assert not jit.cache_is_warm()
+    jit.remember_warm()
+    assert jit.cache_is_warm()
 
 
 def test_an_unwritable_home_falls_back_to_the_temporary_folder(monkeypatch, tmp_path):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("PERIPORO_CACHE", str(tmp_path / "file"))  # below a file nobody can make a folder
     monkeypatch.setattr(jit.tempfile, "gettempdir", lambda: str(tmp_path / "temporary"))
-    folder, _ = jit._cache_folder()
-    assert folder.parent == tmp_path / "temporary" / f"periporo-{os.getuid()}"
+    assert jit._writable_root() == tmp_path / "temporary" / f"periporo-{os.getuid()}"
     monkeypatch.setattr(jit.tempfile, "gettempdir", lambda: str(tmp_path / "file"))
     with pytest.raises(OSError, match="no folder for compiled kernels"):
-        jit._cache_folder()
+        jit._writable_root()
 
 
-def test_pruning_keeps_the_newest_and_whatever_is_in_use(tmp_path):
-    for k in range(8):
-        (tmp_path / f"old{k}").mkdir()
-        os.utime(tmp_path / f"old{k}", (1e9 + k, 1e9 + k))
-    current = tmp_path / "current"
-    current.mkdir()
-    (tmp_path / "recent").mkdir()  # another version, in use right now
-    jit._prune(tmp_path, current)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["current", "old5", "old6", "old7", "recent"]
+def test_pruning_deletes_what_was_not_used_for_a_month(tmp_path):
+    for name, days in {"old": 40, "older": 400, "recent": 20}.items():
+        (tmp_path / name).mkdir()
+        then = time.time() - days * 86400
+        os.utime(tmp_path / name, (then, then))
+    jit._prune(tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["recent"]
 
 
 @jit.kernel
@@ -115,7 +134,7 @@ def test_machine_code_lies_in_the_folder(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(
         "import numpy as np\nfrom periporo.core import jit\n\n\n@jit.kernel\ndef twice(x):\n    x[0] *= 2.0\n\n\n"
-        "twice(np.ones(1))\nprint(len(twice.stats.cache_hits), jit.CACHE_FOLDER)\n"
+        "twice(np.ones(1))\nprint(len(twice.stats.cache_hits), jit.CACHE_ROOT)\n"
     )
     environment = os.environ | {"PERIPORO_CACHE": str(tmp_path / "cache")}
     runs = [subprocess.run([sys.executable, str(script)], env=environment, capture_output=True, text=True,
