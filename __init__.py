@@ -5,8 +5,8 @@ from importlib import import_module
 _OFFERED = {
     "Simulation": "periporo.core.simulation",
     "run": "periporo.core.run",
-    "open_results": "periporo.io.results",
-    "InputError": "periporo.io.input_errors",
+    "open_results": "periporo.io.output.results",
+    "InputError": "periporo.errors",
 }
 __all__ = ["InputError", "Simulation", "open_results", "run"]
 

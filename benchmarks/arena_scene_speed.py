@@ -10,8 +10,8 @@ The time is that of the material's part of the step, divided by the active rows;
 import numpy as np
 from mpi4py import MPI
 
-from periporo.core.scene import build
-from periporo.io.schema import parse_scene
+from periporo.core.scene.build import build
+from periporo.io.schema.scene import parse_scene
 
 DT, STEP, STEPS, POINTS = 1e-6, 1e-5, 200, 30
 LOADING = np.array([[-1.0, 0.0], [0.2, -0.2]]) / np.sqrt(1.06)  # strain of size 1

@@ -22,8 +22,8 @@ from study.cylinders import draw
 from study.laws import lube_axisymmetric_height, lube_axisymmetric_run_out
 
 from periporo.core.cli import main as periporo
-from periporo.io.results import ResultError, open_results
-from periporo.io.yaml_source import read_yaml
+from periporo.io.input.yaml_source import read_yaml
+from periporo.io.output.results import ResultError, open_results
 
 CONFIG = Path(__file__).resolve().parent.parent / "configs" / "axisymmetric_collapse.yaml"
 RADIUS = 0.05  # m

@@ -14,7 +14,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from periporo.io.results import open_results
+from periporo.io.output.results import open_results
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT / "tests" / "materials" / "data" / "shpb"

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from stability import DENSITY, SCHEMES, SPACING, WAVE_SPEED, block
 
-from periporo.core.timestep import apply_stiffness
+from periporo.core.motion.timestep import apply_stiffness
 
 CASES = (("constant", 2.1), ("constant", 3.1), ("conical", 2.0), ("cubic", 2.2), ("cubic", 3.0))
 LENGTHS = np.array([3, 4, 5, 6, 8, 10, 14, 20, 40])  # spacings

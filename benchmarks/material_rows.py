@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 
-from periporo.core.tensors import equivalent_shear
+from periporo.core.numerics.tensors import equivalent_shear
 from periporo.materials.cam_clay import CamClay
 from periporo.materials.drucker_prager import DruckerPrager
 from periporo.materials.elastic import Elastic

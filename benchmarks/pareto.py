@@ -26,7 +26,7 @@ import numpy as np
 from verification_cases import OPTIONS, collapse, columns, manufactured, waves
 from verification_cases.common import P_SPEED, S_SPEED, owned
 
-from periporo.core.relaxation import RelaxationError
+from periporo.core.motion.relaxation import RelaxationError
 
 REFERENCES = ("bond_projected", "point_state, sharpened")
 REPEATED_BELOW = 0.1  # s: shorter runs are timed three times

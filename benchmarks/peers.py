@@ -19,9 +19,9 @@ import numpy as np
 from mpi4py import MPI
 from step_time import SCHEMES, block
 
-from periporo.core.scene import build
-from periporo.core.timestep import apply_stiffness
-from periporo.io.schema import parse_scene
+from periporo.core.motion.timestep import apply_stiffness
+from periporo.core.scene.build import build
+from periporo.io.schema.scene import parse_scene
 
 SIDE, LAMMPS_STEPS = 40, 100
 LPS = """

@@ -13,10 +13,10 @@ import time
 import numpy as np
 from mpi4py import MPI
 
-from periporo.core.relaxation import Relaxation
-from periporo.core.scene import build
-from periporo.io.schema import parse_scene
-from periporo.io.yaml_source import read_yaml
+from periporo.core.motion.relaxation import Relaxation
+from periporo.core.scene.build import build
+from periporo.io.input.yaml_source import read_yaml
+from periporo.io.schema.scene import parse_scene
 
 TOLERANCE, MOST = 1e-4, 5000
 ELASTIC = {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}

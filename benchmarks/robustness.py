@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from periporo.core.observers import Observer
-from periporo.core.relaxation import RelaxationError
-from periporo.core.scene import build
-from periporo.core.watchdog import Watchdog, WatchdogError
-from periporo.io.schema import parse_scene
+from periporo.core.motion.relaxation import RelaxationError
+from periporo.core.scene.build import build
+from periporo.core.watch.observers import Observer
+from periporo.core.watch.watchdog import Watchdog, WatchdogError
+from periporo.io.schema.scene import parse_scene
 
 TABLE = Path(__file__).resolve().parent.parent / "docs" / "figures" / "robustness.csv"
 SEED = 2022

@@ -24,9 +24,9 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from periporo.core.check import state_bytes
-from periporo.core.scene import build
-from periporo.io.schema import parse_scene
+from periporo.core.scene.build import build
+from periporo.core.scene.check import state_bytes
+from periporo.io.schema.scene import parse_scene
 
 COMM = MPI.COMM_WORLD
 ELASTIC = {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from verification_cases import CASES, SCHEMES, Figure
 
-from periporo.core.relaxation import RelaxationError
+from periporo.core.motion.relaxation import RelaxationError
 
 TABLE = Path(__file__).resolve().parent.parent / "docs" / "figures" / "schemes_accuracy.md"
 NAMES = ("V5", "V6", "V7", "V8", "V9", "V2", "V3")  # the longest last

@@ -12,9 +12,9 @@ import importlib.resources
 from mpi4py import MPI
 from step_time import SCHEMES
 
-from periporo.core.scene import build
-from periporo.io.schema import parse_scene
-from periporo.io.yaml_source import read_yaml
+from periporo.core.scene.build import build
+from periporo.io.input.yaml_source import read_yaml
+from periporo.io.schema.scene import parse_scene
 
 KERNELS = ("strain", "material", "internal force")
 SPEED, WIDTH, HEIGHT = 0.5, 0.05, 0.1  # m/s, m, m

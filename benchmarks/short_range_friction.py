@@ -10,9 +10,9 @@ import numpy as np
 from periporo.contact.rigid import RigidContact
 from periporo.contact.short_range_published import ShortRangePublished
 from periporo.contact.surfaces import Plane
-from periporo.core.energy import ForceChannels
-from periporo.core.integrator import drift, first_kick, second_kick
-from periporo.core.particles import Particles
+from periporo.core.motion.energy import ForceChannels
+from periporo.core.motion.integrator import drift, first_kick, second_kick
+from periporo.core.points.particles import Particles
 
 SPACING, STIFFNESS, MASS, G, DT = 0.01, 4e6, 1.0, 9.81, 2e-5
 

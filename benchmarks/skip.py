@@ -15,9 +15,9 @@ from mpi4py import MPI
 from step_time import MATERIALS
 
 from periporo.contact.repulsion import Repulsion
-from periporo.core.fields import StrainMeasures
-from periporo.core.scene import build
-from periporo.io.schema import parse_scene
+from periporo.core.points.fields import StrainMeasures
+from periporo.core.scene.build import build
+from periporo.io.schema.scene import parse_scene
 
 SOIL = MATERIALS["cam_clay"]
 STEPS, STEP = 200, 0.5 / 160.0  # of the spacing over the wave speed

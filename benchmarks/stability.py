@@ -24,9 +24,9 @@ from periporo.core.correspondence.point_state import PointState
 from periporo.core.correspondence.standard import Standard
 from periporo.core.correspondence.sub_horizon import SubHorizon
 from periporo.core.correspondence.sub_horizon_published import SubHorizonPublished
-from periporo.core.particles import Particles
+from periporo.core.motion.timestep import StableTimeStep, apply_stiffness
+from periporo.core.points.particles import Particles
 from periporo.core.simulation import Simulation
-from periporo.core.timestep import StableTimeStep, apply_stiffness
 from periporo.materials.elastic import Elastic
 
 BULK, SHEAR, DENSITY, SPACING = 25e6, 15e6, 1760.0, 0.005

@@ -11,8 +11,8 @@ import numpy as np
 from mpi4py import MPI
 from verification_cases.common import DEFAULT
 
-from periporo.core.scene import build
-from periporo.io.schema import parse_scene
+from periporo.core.scene.build import build
+from periporo.io.schema.scene import parse_scene
 
 MATERIALS = {
     "elastic": {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_modulus": 15e6},

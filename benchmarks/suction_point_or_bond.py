@@ -9,8 +9,8 @@ import numpy as np
 from mpi4py import MPI
 
 from periporo.core.correspondence import bond_projected as scheme
-from periporo.core.scene import build
-from periporo.io.schema import parse_scene
+from periporo.core.scene.build import build
+from periporo.io.schema.scene import parse_scene
 
 SPACING = 0.01
 

@@ -24,12 +24,12 @@ from mpi4py import MPI
 from uniaxial_figures import draw
 from verification_cases import BALANCED, OPTIONS
 
-from periporo.core import fields
 from periporo.core.cli import RUN_ERROR
 from periporo.core.cli import main as periporo
-from periporo.core.scene import build
-from periporo.io.results import ResultError, open_results
-from periporo.io.schema import parse_scene
+from periporo.core.points import fields
+from periporo.core.scene.build import build
+from periporo.io.output.results import ResultError, open_results
+from periporo.io.schema.scene import parse_scene
 
 FIGURES = Path(__file__).resolve().parent.parent / "docs" / "figures"
 SCENE, RESULT, FAILURE = "block.yaml", "block.h5", "failure.npz"

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import matplotlib
 
-from periporo.io.drawing import STYLE
+from periporo.io.pictures.drawing import STYLE
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402

@@ -22,11 +22,11 @@ the normal force. Forces on the two points are opposite.
 
 import numpy as np
 
-from periporo.core.energy import ForceChannels
-from periporo.core.jit import inlined, kernel
-from periporo.core.neighbours import find_pairs
-from periporo.core.particles import Field, Particles
-from periporo.core.reductions import any_rank, maximum, minimum
+from periporo.core.motion.energy import ForceChannels
+from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.points.neighbours import find_pairs
+from periporo.core.points.particles import Field, Particles
+from periporo.core.ranks.reductions import any_rank, maximum, minimum
 
 _PARTNERS = {2: 12, 3: 32}  # points of the other body that a point can touch at once
 _SURFACE = 0.1  # |a| from which on a point is at its body's surface; it is about 0.2 at a flat one

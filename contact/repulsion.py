@@ -8,11 +8,11 @@ with the stress of a flow.
 
 import numpy as np
 
-from periporo.core import algebra as la
-from periporo.core.algebra import LANES
-from periporo.core.energy import ForceChannels
-from periporo.core.jit import kernel
-from periporo.core.particles import Particles
+from periporo.core.motion.energy import ForceChannels
+from periporo.core.numerics import algebra as la
+from periporo.core.numerics.algebra import LANES
+from periporo.core.numerics.jit import kernel
+from periporo.core.points.particles import Particles
 
 
 class Repulsion:

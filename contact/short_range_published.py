@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from periporo.core.energy import ForceChannels
-from periporo.core.jit import inlined, kernel
-from periporo.core.particles import Particles
+from periporo.core.motion.energy import ForceChannels
+from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.points.particles import Particles
 
 
 class ShortRangePublished:

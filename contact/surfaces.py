@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from periporo.core.jit import kernel
+from periporo.core.numerics.jit import kernel
 
 
 class Surface(Protocol):

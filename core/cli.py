@@ -9,15 +9,15 @@ import traceback
 from importlib import metadata
 
 TOOLS = {  # word -> module with add_arguments and run, and what it does
-    "plot": ("periporo.io.plots", "draw the deposit, the histories and the energy ledger of a result file"),
-    "info": ("periporo.io.info", "summarise a result file"),
-    "compare": ("periporo.io.compare", "compare two result files"),
-    "export": ("periporo.io.export", "export a result file to VTU and CSV"),
-    "report": ("periporo.io.report", "make one HTML page of a result file"),
-    "new": ("periporo.io.examples", "list the example scenes, or write one to begin with"),
-    "schema": ("periporo.io.reference", "print the JSON Schema of scenes for editors, or the input reference"),
-    "materials": ("periporo.io.material_list", "list the installed materials with parameters, units and bounds"),
-    "drive": ("periporo.materials.driver", "run one material point along a path"),
+    "plot": ("periporo.io.pictures.plots", "draw the deposit, the histories and the energy ledger of a result file"),
+    "info": ("periporo.io.output.info", "summarise a result file"),
+    "compare": ("periporo.io.output.compare", "compare two result files"),
+    "export": ("periporo.io.output.export", "export a result file to VTU and CSV"),
+    "report": ("periporo.io.pictures.report", "make one HTML page of a result file"),
+    "new": ("periporo.io.input.examples", "list the example scenes, or write one to begin with"),
+    "schema": ("periporo.io.schema.reference", "print the JSON Schema of scenes for editors, or the input reference"),
+    "materials": ("periporo.io.schema.material_list", "list the installed materials with parameters, units and bounds"),
+    "drive": ("periporo.materials.laboratory.drive", "run one material point along a path"),
 }
 INPUT_ERROR, RUN_ERROR, INTERRUPTED = 2, 3, 130
 
@@ -86,8 +86,8 @@ def _seconds(text: str) -> float:
 
 
 def _use_tool(arguments) -> int:
-    from periporo.io.results import ResultError
-    from periporo.io.writer import OutputError
+    from periporo.io.output.results import ResultError
+    from periporo.io.output.writer import OutputError
 
     try:
         status = importlib.import_module(arguments.module).run(arguments)
@@ -108,12 +108,12 @@ def _simulate(arguments) -> int:
     _refuse_foreign_launcher()
     from mpi4py import MPI
 
-    from periporo.core.check import check_scene
-    from periporo.core.relaxation import RelaxationError
+    from periporo.core.motion.relaxation import RelaxationError
     from periporo.core.run import run
-    from periporo.core.watchdog import WatchdogError
-    from periporo.io.input_errors import InputError
-    from periporo.io.writer import OutputError
+    from periporo.core.scene.check import check_scene
+    from periporo.core.watch.watchdog import WatchdogError
+    from periporo.errors import InputError
+    from periporo.io.output.writer import OutputError
 
     comm = MPI.COMM_WORLD
     try:

@@ -11,22 +11,23 @@ import numpy as np
 import yaml
 from mpi4py import MPI
 
-from periporo.core import fields, jit
-from periporo.core.interrupt import Interrupted, Keeper, Signals
-from periporo.core.observers import Callback, HistoryObserver, ProgressObserver, ResultObserver
-from periporo.core.probes import Probes
-from periporo.core.reductions import quantile
-from periporo.core.scene import build, vertical_axis
-from periporo.core.scene_source import naming, read_everywhere
-from periporo.core.state import StateError
-from periporo.core.state import resume as resume_from
-from periporo.core.watchdog import Watchdog
-from periporo.io import checkpoint
-from periporo.io.input_errors import InputError, Problem
-from periporo.io.log import Progress
-from periporo.io.results import ResultError, open_results
-from periporo.io.schema import Checkpoint
-from periporo.io.writer import OutputError, ResultWriter
+from periporo.core.numerics import jit
+from periporo.core.points import fields
+from periporo.core.points.probes import Probes
+from periporo.core.ranks.reductions import quantile
+from periporo.core.scene.build import build, vertical_axis
+from periporo.core.scene.source import naming, read_everywhere
+from periporo.core.watch.interrupt import Interrupted, Keeper, Signals
+from periporo.core.watch.observers import Callback, HistoryObserver, ProgressObserver, ResultObserver
+from periporo.core.watch.state import StateError
+from periporo.core.watch.state import resume as resume_from
+from periporo.core.watch.watchdog import Watchdog
+from periporo.errors import InputError, Problem
+from periporo.io.output import checkpoint
+from periporo.io.output.log import Progress
+from periporo.io.output.results import ResultError, open_results
+from periporo.io.output.writer import OutputError, ResultWriter
+from periporo.io.schema.scene import Checkpoint
 
 
 def run(
@@ -267,7 +268,7 @@ def _summary(sim, history, deposit) -> list[str]:
 
 def _pictures(target):
     try:
-        from periporo.io.plots import plot_run
+        from periporo.io.pictures.plots import plot_run
 
         return plot_run(target)
     except ImportError as error:

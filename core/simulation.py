@@ -3,15 +3,15 @@
 import numpy as np
 from mpi4py import MPI
 
-from periporo.core import domain as decomposition
-from periporo.core.bonds import Bonds
-from periporo.core.energy import ForceChannels, Ledger
-from periporo.core.halo import Halo
-from periporo.core.integrator import drift, first_kick, second_kick
-from periporo.core.observers import Callback
-from periporo.core.particles import Particles
-from periporo.core.reductions import maximum
-from periporo.core.timing import Timing
+from periporo.core.bonds.bonds import Bonds
+from periporo.core.motion.energy import ForceChannels, Ledger
+from periporo.core.motion.integrator import drift, first_kick, second_kick
+from periporo.core.points.particles import Particles
+from periporo.core.ranks import domain as decomposition
+from periporo.core.ranks.halo import Halo
+from periporo.core.ranks.reductions import maximum
+from periporo.core.watch.observers import Callback
+from periporo.core.watch.timing import Timing
 
 _MARGIN = 1.0 + 1e-9  # of the ghosts' reach, so that both ranks of a pair list it whatever the rounding
 _OFTEN, _SELDOM = 60, 150  # steps between rebuilds that call for a thicker, or a thinner, skin
@@ -46,7 +46,7 @@ class Simulation:
         self.prescribed_motions, self.point_processes, self.contacts = [], [], []
         self.preparations = []  # functions of the simulation, once at the start
         self.loads, self.observers, self.stages = [], [], []
-        self.guards = []  # what may write a checkpoint, stop the run, or take it back: see `periporo.core.watchdog`
+        self.guards = []  # what may write a checkpoint, stop the run, or take it back: `periporo.core.watch`
         self.stage_number = 0
         self.time, self.dt, self.step_number, self.rebuild_count = 0.0, 0.0, 0, 0
         self.rate_independent = False  # quasi-static: viscous laws are given all the time in the world
@@ -60,7 +60,7 @@ class Simulation:
 
         It runs in memory, without files, watchdog or progress, which `periporo.run` adds. Raises InputError.
         """
-        from periporo.core.scene_source import simulation_of  # which builds on this module
+        from periporo.core.scene.source import simulation_of  # which builds on this module
 
         return simulation_of(scene, MPI.COMM_WORLD if comm is None else comm)
 

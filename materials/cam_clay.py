@@ -11,10 +11,10 @@ from typing import ClassVar, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from periporo.core.tensors import equivalent_shear, mean
+from periporo.core.numerics.tensors import equivalent_shear, mean
+from periporo.core.points.material import StateField
 from periporo.materials.base import MaterialParameters
 from periporo.materials.cam_clay_return import advance, bonded_size, bonding_exponents
-from periporo.materials.protocol import StateField
 
 _PRESSURE, _DENSITY, _NUMBER, _VISCOSITY = ({"unit": u} for u in ("Pa", "kg/m^3", "1", "Pa^3 s"))
 

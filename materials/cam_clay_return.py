@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from periporo.core import algebra as la
-from periporo.core.algebra import LANES
-from periporo.core.jit import inlined, kernel
+from periporo.core.numerics import algebra as la
+from periporo.core.numerics.algebra import LANES
+from periporo.core.numerics.jit import inlined, kernel
 
 _KILOPASCAL = 1e3
 _YIELD_TOLERANCE = 1e-11  # of p_c^2: a row that was returned before is not returned again

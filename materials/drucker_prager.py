@@ -11,9 +11,9 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from periporo.core.jit import kernel
+from periporo.core.numerics.jit import kernel
+from periporo.core.points.material import StateField
 from periporo.materials.base import MaterialParameters
-from periporo.materials.protocol import StateField
 
 _PRESSURE, _DENSITY, _DEGREES = ({"unit": u} for u in ("Pa", "kg/m^3", "deg"))
 

@@ -5,9 +5,9 @@ from typing import ClassVar, Self
 import numpy as np
 from pydantic import Field
 
-from periporo.core.jit import kernel
+from periporo.core.numerics.jit import kernel
+from periporo.core.points.material import StateField
 from periporo.materials.base import MaterialParameters
-from periporo.materials.protocol import StateField
 
 
 class Elastic(MaterialParameters):

@@ -1,4 +1,4 @@
-"""Conformance kit: does a constitutive law keep the contract of `periporo.materials.protocol`?
+"""Conformance kit: does a constitutive law keep the contract of `periporo.core.points.material`?
 
 from periporo.materials.testing import check_material
 check_material(MyLaw(...), dimension=2)
@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from periporo.core.tensors import component_count, from_matrix, to_matrix
-from periporo.materials.protocol import Material, StateField, state_columns
+from periporo.core.numerics.tensors import component_count, from_matrix, to_matrix
+from periporo.core.points.material import Material, StateField, state_columns
 
 _ROWS = 24
 _WALK_STEPS = 60
@@ -141,7 +141,7 @@ def _check_declaration(material: Material) -> None:
     law = type(material).__name__
     for name in ("initial_state", "compute_stress", "elastic_moduli"):
         if not callable(getattr(material, name, None)):
-            raise DeclarationError(f"{law} has no method `{name}`; see periporo.materials.protocol")
+            raise DeclarationError(f"{law} has no method `{name}`; see periporo.core.points.material")
     density = getattr(material, "density", None)
     if not isinstance(density, (int, float)) or not 0 < density < np.inf:
         raise DeclarationError(f"{law}.density must be a positive number in kg/m^3, not {density!r}")

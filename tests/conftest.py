@@ -12,11 +12,11 @@ import pytest
 from mpi4py import MPI
 
 from periporo.core.correspondence.bond_projected import BondProjected
-from periporo.core.particles import Particles
-from periporo.core.scene import build
+from periporo.core.motion.timestep import StableTimeStep
+from periporo.core.points.particles import Particles
+from periporo.core.scene.build import build
 from periporo.core.simulation import Simulation
-from periporo.core.timestep import StableTimeStep
-from periporo.io.schema import parse_scene
+from periporo.io.schema.scene import parse_scene
 from periporo.materials.elastic import Elastic
 
 ELASTIC = {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}

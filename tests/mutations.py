@@ -8,7 +8,7 @@ import copy
 
 import yaml
 
-from periporo.io.schema import scene_json_schema
+from periporo.io.schema.scene import scene_json_schema
 from periporo.materials import registry
 
 NOT_NUMBERS = [float("nan"), float("inf"), -float("inf"), -1e300, True, "abc", "1e-1 m", "½", "１２", [1], {"a": 1}]

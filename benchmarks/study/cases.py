@@ -9,8 +9,8 @@ from pathlib import Path
 import yaml
 
 from periporo.core.cli import main as periporo
-from periporo.io.results import ResultError, open_results
-from periporo.io.yaml_source import read_yaml
+from periporo.io.input.yaml_source import read_yaml
+from periporo.io.output.results import ResultError, open_results
 
 HALF_WIDTH = 0.05  # m
 FIELDS = [

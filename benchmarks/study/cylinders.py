@@ -5,7 +5,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 
-from periporo.io.results import open_results
+from periporo.io.output.results import open_results
 
 from .laws import lube_axisymmetric_height, lube_axisymmetric_run_out
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 
-from periporo.io.drawing import STYLE
-from periporo.io.results import open_results
+from periporo.io.output.results import open_results
+from periporo.io.pictures.drawing import STYLE
 
 from .cases import HALF_WIDTH, RESULT, Case
 from .laws import LAJEUNESSE_RUN_OUT, lube_height, lube_run_out

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from periporo.io.results import open_results
+from periporo.io.output.results import open_results
 
 from .cases import HALF_WIDTH, RESULT, Case
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import brentq
 
-from periporo.core.tensors import equivalent_shear, mean
+from periporo.core.numerics.tensors import equivalent_shear, mean
 
 from .common import Figure, order
 

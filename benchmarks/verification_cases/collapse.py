@@ -5,10 +5,10 @@ import importlib.resources
 import numpy as np
 from mpi4py import MPI
 
-from periporo.core.observers import Observer
-from periporo.core.scene import build
-from periporo.io.schema import parse_scene
-from periporo.io.yaml_source import read_yaml
+from periporo.core.scene.build import build
+from periporo.core.watch.observers import Observer
+from periporo.io.input.yaml_source import read_yaml
+from periporo.io.schema.scene import parse_scene
 
 from .common import DEFAULT, Figure, owned
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from periporo.core import fields
-from periporo.core.observers import Observer
-from periporo.core.scene import build
-from periporo.io.schema import parse_scene
+from periporo.core.points import fields
+from periporo.core.scene.build import build
+from periporo.core.watch.observers import Observer
+from periporo.io.schema.scene import parse_scene
 
 BULK, SHEAR, DENSITY, GRAVITY = 25e6, 15e6, 1760.0, 9.81
 P_MODULUS = BULK + 4.0 / 3.0 * SHEAR

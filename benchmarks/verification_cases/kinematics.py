@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from periporo.core.tensors import component_count, from_matrix, to_matrix
+from periporo.core.numerics.tensors import component_count, from_matrix, to_matrix
 
 from .common import BULK, DEFAULT, SHEAR, Figure, ImposedVelocity, box, hooke, order, owned, point_stress, simulation
 

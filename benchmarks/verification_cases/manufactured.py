@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from periporo.core.stages import RelaxStage
+from periporo.core.motion.stages import RelaxStage
 
 from .common import DEFAULT, P_MODULUS, Figure, ImposedVelocity, box, order, owned, simulation
 

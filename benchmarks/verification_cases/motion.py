@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from periporo.core.energy import Ledger
-from periporo.core.stages import RelaxStage
-from periporo.core.timestep import apply_stiffness
+from periporo.core.motion.energy import Ledger
+from periporo.core.motion.stages import RelaxStage
+from periporo.core.motion.timestep import apply_stiffness
 
 from .common import (
     BULK,

@@ -18,10 +18,10 @@ import math
 
 import numpy as np
 
-from periporo.core import algebra as la
-from periporo.core.jit import inlined, kernel
-from periporo.core.particles import Field
-from periporo.core.reductions import inner
+from periporo.core.numerics import algebra as la
+from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.points.particles import Field
+from periporo.core.ranks.reductions import inner
 
 ITERATIONS = 40
 EXHAUSTED = 1e-8  # part of a direction that is new

@@ -26,17 +26,17 @@ stiffness, which grows like 1/|xi|^2, would set the time step of the whole scene
 
 import numpy as np
 
-from periporo.core import algebra as la
-from periporo.core import vectors
-from periporo.core.algebra import LANES
+from periporo.core.bonds.rows import BOTH, FIRST, PairRows
 from periporo.core.correspondence import balance, kinematics
 from periporo.core.correspondence.flux import add_flux_force
 from periporo.core.correspondence.influence import influence_table, support
 from periporo.core.correspondence.moments import update_neighbourhoods
 from periporo.core.correspondence.springs import add_spring
-from periporo.core.jit import inlined, kernel
-from periporo.core.reductions import any_rank
-from periporo.core.rows import BOTH, FIRST, PairRows
+from periporo.core.numerics import algebra as la
+from periporo.core.numerics import vectors
+from periporo.core.numerics.algebra import LANES
+from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.ranks.reductions import any_rank
 
 CLOSEST = 0.27  # of the horizon: with m = 2.2 what points that are a fifth of a spacing out of place keep, 0.6
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from periporo.core import algebra as la
-from periporo.core import vectors
-from periporo.core.jit import kernel
+from periporo.core.numerics import algebra as la
+from periporo.core.numerics import vectors
+from periporo.core.numerics.jit import kernel
 
 
 def add_flux_force(particles, pairs, force: np.ndarray, pull: np.ndarray | None = None) -> None:

@@ -8,7 +8,7 @@ there for redrawing figures of the literature. No function needs a branch, so th
 
 import numpy as np
 
-from periporo.core.jit import inlined
+from periporo.core.numerics.jit import inlined
 
 NAMES = ("cubic", "conical", "gaussian", "constant")
 _TERMS = 8

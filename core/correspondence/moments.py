@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from periporo.core import algebra as la
-from periporo.core import vectors
-from periporo.core.algebra import LANES
 from periporo.core.correspondence.influence import influence
-from periporo.core.jit import inlined, kernel
-from periporo.core.vectors import WIDTH
+from periporo.core.numerics import algebra as la
+from periporo.core.numerics import vectors
+from periporo.core.numerics.algebra import LANES
+from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.numerics.vectors import WIDTH
 
 LOOSEST = 1.25  # volume, over the initial one, of the loosest packing: what is beyond are gaps between grains
 DEGENERATE, REGULAR = 0.01, 0.05  # of the width of a neighbourhood, squared, over the horizon squared

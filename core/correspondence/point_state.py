@@ -29,16 +29,16 @@ positive semi-definite, momenta are conserved to rounding.
 
 import numpy as np
 
-from periporo.core import algebra as la
-from periporo.core import vectors
-from periporo.core.algebra import LANES
+from periporo.core.bonds.rows import PointRows
 from periporo.core.correspondence import point_tilts, sharpening
 from periporo.core.correspondence.bond_projected import CLOSEST
 from periporo.core.correspondence.flux import add_flux_force
 from periporo.core.correspondence.standard import Standard
-from periporo.core.jit import inlined, kernel
-from periporo.core.particles import Field
-from periporo.core.rows import PointRows
+from periporo.core.numerics import algebra as la
+from periporo.core.numerics import vectors
+from periporo.core.numerics.algebra import LANES
+from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.points.particles import Field
 
 _LEAST = 1e-4  # of the stress: a smaller deviator, or mean, counts as that
 

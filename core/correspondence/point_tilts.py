@@ -11,10 +11,10 @@ tilted gradient, t_i = Z_i a_i moves with rho_i. So L_i has the conjugate Z_i - 
 the force w V_i V_j (T_i - T_j), T_i = t_i/(W_i V_i).
 """
 
-from periporo.core import algebra as la
 from periporo.core.correspondence.balance import turn
-from periporo.core.jit import kernel
-from periporo.core.particles import Field
+from periporo.core.numerics import algebra as la
+from periporo.core.numerics.jit import kernel
+from periporo.core.points.particles import Field
 
 
 def fields(dimension: int) -> tuple[Field, ...]:

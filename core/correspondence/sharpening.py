@@ -18,11 +18,11 @@ import itertools
 
 import numpy as np
 
-from periporo.core import algebra as la
-from periporo.core import vectors
 from periporo.core.correspondence.influence import influence, influence_table
-from periporo.core.jit import kernel
-from periporo.core.particles import Field
+from periporo.core.numerics import algebra as la
+from periporo.core.numerics import vectors
+from periporo.core.numerics.jit import kernel
+from periporo.core.points.particles import Field
 
 _ROW = {2: (0.0,) * 8, 3: (0.0,) * 16}  # columns of the point fields, room for a matrix and N: one vector
 

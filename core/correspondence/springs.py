@@ -1,7 +1,7 @@
-"""Bonds taken as springs, for the local estimate of the highest frequency (`periporo.core.timestep`)."""
+"""Bonds taken as springs, for the local estimate of the highest frequency (`periporo.core.motion.timestep`)."""
 
-from periporo.core import algebra as la
-from periporo.core.jit import inlined
+from periporo.core.numerics import algebra as la
+from periporo.core.numerics.jit import inlined
 
 
 @inlined

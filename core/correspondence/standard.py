@@ -12,14 +12,14 @@ oscillations. beta fades degenerate neighbourhoods out (`periporo.core.correspon
 
 import numpy as np
 
-from periporo.core import algebra as la
-from periporo.core import vectors
+from periporo.core.bonds.rows import PointRows
 from periporo.core.correspondence import kinematics
 from periporo.core.correspondence.flux import add_flux_force
 from periporo.core.correspondence.influence import influence_table, support
 from periporo.core.correspondence.moments import update_neighbourhoods
-from periporo.core.jit import kernel
-from periporo.core.rows import PointRows
+from periporo.core.numerics import algebra as la
+from periporo.core.numerics import vectors
+from periporo.core.numerics.jit import kernel
 
 
 class Standard:

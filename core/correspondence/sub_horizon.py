@@ -17,14 +17,14 @@ state and the others take its share.
 
 import numpy as np
 
-from periporo.core import algebra as la
+from periporo.core.bonds.rows import DirectedRows
 from periporo.core.correspondence import kinematics
 from periporo.core.correspondence.influence import CLOSED, influence_table, support
 from periporo.core.correspondence.moments import update_neighbourhoods
 from periporo.core.correspondence.springs import add_spring
-from periporo.core.jit import inlined, kernel
-from periporo.core.pair_exchange import PairExchange
-from periporo.core.rows import DirectedRows
+from periporo.core.numerics import algebra as la
+from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.ranks.pair_exchange import PairExchange
 
 _LANES = 8  # numbers in a vector of the processor
 _DEGENERATE, _REGULAR = 0.01, 0.1  # of det K / (tr K / d)^d of a sub-family

@@ -12,9 +12,9 @@ reproduce the publication; `docs/schemes.md` has the evidence.
 
 import numpy as np
 
-from periporo.core import algebra as la
 from periporo.core.correspondence.sub_horizon import SubHorizon
-from periporo.core.jit import kernel
+from periporo.core.numerics import algebra as la
+from periporo.core.numerics.jit import kernel
 
 
 class SubHorizonPublished(SubHorizon):

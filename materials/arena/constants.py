@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from periporo.core.jit import inlined
+from periporo.core.numerics.jit import inlined
 
 STRESS_FLOOR = 1000.0
 """Accuracy is relative to the stress plus this, Pa (or plus p0 if that is less)."""

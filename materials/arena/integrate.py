@@ -10,7 +10,7 @@ the whole substep, whose difference to the final result also is the error that c
 
 import math
 
-from periporo.core.jit import inlined
+from periporo.core.numerics.jit import inlined
 from periporo.materials.arena.elasticity import fluid_stiffens, moduli, pore_fluid
 from periporo.materials.arena.pores import harden
 from periporo.materials.arena.returns import backward_euler, crossing

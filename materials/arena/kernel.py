@@ -2,7 +2,7 @@
 
 import math
 
-from periporo.core.jit import inlined, kernel
+from periporo.core.numerics.jit import inlined, kernel
 from periporo.materials.arena.constants import (
     unpack_control,
     unpack_elasticity,

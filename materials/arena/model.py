@@ -6,7 +6,8 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from periporo.core import tensors
+from periporo.core.numerics import tensors
+from periporo.core.points.material import StateField
 from periporo.materials.arena import pores as pore_space
 from periporo.materials.arena.constants import STRESS_FLOOR, Control, Elasticity, Pores, Strength, Surface, pack
 from periporo.materials.arena.elasticity import fill_moduli
@@ -15,7 +16,6 @@ from periporo.materials.arena.parameters import ArenaParameters
 from periporo.materials.arena.pores import fill_pores
 from periporo.materials.arena.surface import coefficients, squared_limit, weakened_surface
 from periporo.materials.arena.variability import strength_factors
-from periporo.materials.protocol import StateField
 
 
 class Arena(ArenaParameters):

@@ -6,7 +6,7 @@ hydrostatic compressive strength follow from it in closed form; nothing is integ
 
 import math
 
-from periporo.core.jit import inlined, kernel
+from periporo.core.numerics.jit import inlined, kernel
 from periporo.materials.arena.constants import unpack_pores
 from periporo.materials.arena.power import power
 

@@ -2,7 +2,7 @@
 
 import math
 
-from periporo.core.jit import inlined
+from periporo.core.numerics.jit import inlined
 
 
 @inlined

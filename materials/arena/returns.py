@@ -8,7 +8,7 @@ I1_eff(x) = I1_trial + 3 K x + 3 p(x), sqrt J2 = F(I1_eff; X_eff(x)), and normal
 
 import math
 
-from periporo.core.jit import inlined
+from periporo.core.numerics.jit import inlined
 from periporo.materials.arena.constants import STRESS_FLOOR
 from periporo.materials.arena.pores import harden
 from periporo.materials.arena.surface import holds, shear_limit, squared_limit, squared_limit_slopes

@@ -6,7 +6,7 @@ Fc^2 = 1 - ((kappa - I1)/(kappa - X_eff))^2, kappa = PEAKI1 - CR (PEAKI1 - X_eff
 
 import math
 
-from periporo.core.jit import inlined
+from periporo.core.numerics.jit import inlined
 from periporo.materials.arena.constants import Surface
 
 

@@ -18,14 +18,15 @@ from pathlib import Path
 import pytest
 import yaml
 
-from periporo.core import cli, fields
-from periporo.core.dissipation import PlasticDissipation
-from periporo.core.energy import WORK
-from periporo.core.fields import StrainMeasures
-from periporo.core.observers import HistoryObserver
-from periporo.core.pore_water import PoreWater
-from periporo.io.schema import SceneInput, load_scene, parse_scene
-from periporo.io.yaml_source import parse_yaml
+from periporo.core import cli
+from periporo.core.motion.dissipation import PlasticDissipation
+from periporo.core.motion.energy import WORK
+from periporo.core.points import fields
+from periporo.core.points.fields import StrainMeasures
+from periporo.core.watch.observers import HistoryObserver
+from periporo.core.water.pore_water import PoreWater
+from periporo.io.input.yaml_source import parse_yaml
+from periporo.io.schema.scene import SceneInput, load_scene, parse_scene
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

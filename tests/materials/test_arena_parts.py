@@ -8,10 +8,10 @@ from mpi4py import MPI
 from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 
-from periporo.core import tensors
-from periporo.core.scene import build
-from periporo.io.input_errors import InputError
-from periporo.io.schema import parse_scene
+from periporo.core.numerics import tensors
+from periporo.core.scene.build import build
+from periporo.errors import InputError
+from periporo.io.schema.scene import parse_scene
 from periporo.materials.arena import Arena
 from periporo.materials.arena.variability import strength_factors
 

@@ -14,8 +14,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from periporo.materials.arena import Arena
-from periporo.materials.driver import drive
-from periporo.materials.driver_paths import STRAIN_COLUMNS, STRESS_COLUMNS, StrainPath, built_in_path
+from periporo.materials.laboratory.drive import drive
+from periporo.materials.laboratory.paths import STRAIN_COLUMNS, STRESS_COLUMNS, StrainPath, built_in_path
 
 P = {f: d.default for f, d in Arena.model_fields.items()}
 TENSOR = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # weights of a double contraction

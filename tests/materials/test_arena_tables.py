@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from periporo.core import tensors
+from periporo.core.numerics import tensors
 from periporo.materials.arena import Arena
 
 DATA = Path(__file__).parent / "data" / "arena"

@@ -6,7 +6,7 @@ from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from periporo.core.tensors import equivalent_shear, mean
+from periporo.core.numerics.tensors import equivalent_shear, mean
 from periporo.materials.cam_clay import CamClay, bonding_exponents
 
 K, MU, M, PLASTIC_INDEX = 25e6, 15e6, 1.1, 0.08

@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from periporo.core.tensors import equivalent_shear, mean, to_matrix
-from periporo.io.input_errors import InputError
+from periporo.core.numerics.tensors import equivalent_shear, mean, to_matrix
+from periporo.core.points.material import StateField
+from periporo.errors import InputError
 from periporo.materials.arena import Arena
 from periporo.materials.cam_clay import CamClay
-from periporo.materials.driver import add_arguments, drive, load_material, run
-from periporo.materials.driver_paths import (
+from periporo.materials.drucker_prager import DruckerPrager
+from periporo.materials.elastic import Elastic
+from periporo.materials.laboratory.drive import add_arguments, drive, load_material, run
+from periporo.materials.laboratory.paths import (
     STRAIN_COLUMNS,
     STRESS_COLUMNS,
     DeformationPath,
@@ -21,9 +24,6 @@ from periporo.materials.driver_paths import (
     find_path,
     read_path,
 )
-from periporo.materials.drucker_prager import DruckerPrager
-from periporo.materials.elastic import Elastic
-from periporo.materials.protocol import StateField
 
 K, MU = 25e6, 15e6
 ELASTIC = Elastic(density=1700.0, bulk_modulus=K, shear_modulus=MU)
@@ -293,7 +293,7 @@ def test_command_writes_the_table_and_the_plots(tmp_path, capsys):
 
 def test_command_without_matplotlib_writes_the_table_and_a_note(tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    monkeypatch.delitem(sys.modules, "periporo.materials.driver_plots", raising=False)
+    monkeypatch.delitem(sys.modules, "periporo.materials.laboratory.plots", raising=False)
     material = written(tmp_path, MATERIAL, "material.yaml")
     assert run(arguments(material, "isotropic:rows=3", "-o", tmp_path / "out")) == 0
     assert [f.name for f in (tmp_path / "out").iterdir()] == ["isotropic.csv"]
@@ -316,7 +316,7 @@ def test_command_reports_bad_arguments_with_status_2(tmp_path, capsys, words, me
 
 
 def test_plots_of_a_law_with_pore_pressure_and_yield_surface(tmp_path):
-    from periporo.materials.driver_plots import draw_plots
+    from periporo.materials.laboratory.plots import draw_plots
 
     columns = drive(RememberedStress(), built_in_path("simple_shear", "rows=3"))
     names = [f.name for f in draw_plots(RememberedStress(), columns, tmp_path, "s")]

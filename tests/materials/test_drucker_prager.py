@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from periporo.core.tensors import equivalent_shear, mean
+from periporo.core.numerics.tensors import equivalent_shear, mean
 from periporo.materials.drucker_prager import DruckerPrager
 
 K, MU = 25e6, 15e6

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from periporo.core.tensors import equivalent_shear, mean
+from periporo.core.numerics.tensors import equivalent_shear, mean
 from periporo.materials.cam_clay import CamClay
 
 K, MU, M, PLASTIC_INDEX, DT = 25e6, 15e6, 1.1, 0.08, 3e-6

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from periporo.core.points.material import Material, StateField
 from periporo.materials import registry, testing
 from periporo.materials.arena import Arena
 from periporo.materials.cam_clay import CamClay
 from periporo.materials.drucker_prager import DruckerPrager
 from periporo.materials.elastic import Elastic
-from periporo.materials.protocol import Material, StateField
 from periporo.materials.testing import check_material
 
 LAWS = sorted(name for name in registry.available() if hasattr(registry.load(name), "example"))

@@ -14,7 +14,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 from periporo.core import cli
-from periporo.core.interrupt import Keeper
+from periporo.core.watch.interrupt import Keeper
 
 TO, _, NAME = sys.argv[1].rpartition(":")
 STEP = int(sys.argv[2])

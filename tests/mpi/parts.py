@@ -8,10 +8,10 @@ import math
 import numpy as np
 from mpi4py import MPI
 
-from periporo.core.domain import bisect
-from periporo.core.halo import Halo, exchange_rows
-from periporo.core.particles import Particles
-from periporo.core.reductions import any_rank, exact_sum, maximum, minimum, quantile
+from periporo.core.points.particles import Particles
+from periporo.core.ranks.domain import bisect
+from periporo.core.ranks.halo import Halo, exchange_rows
+from periporo.core.ranks.reductions import any_rank, exact_sum, maximum, minimum, quantile
 
 COMM = MPI.COMM_WORLD
 RANK, RANKS = COMM.rank, COMM.size

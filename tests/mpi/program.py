@@ -14,7 +14,7 @@ import sys
 from mpi4py import MPI
 
 from periporo.core import cli
-from periporo.core.fields import StrainMeasures
+from periporo.core.points.fields import StrainMeasures
 
 RANK = MPI.COMM_WORLD.rank
 

@@ -23,8 +23,8 @@ from mpi4py import MPI
 
 from periporo.core import cli
 from periporo.core.simulation import Simulation
-from periporo.core.watchdog import WatchdogError
-from periporo.io.yaml_source import read_yaml
+from periporo.core.watch.watchdog import WatchdogError
+from periporo.io.input.yaml_source import read_yaml
 from periporo.materials import registry
 
 COMM = MPI.COMM_WORLD

@@ -10,7 +10,7 @@ import sys
 import numpy as np
 
 from periporo.core import cli
-from periporo.core.watchdog import Watchdog, wave_speeds
+from periporo.core.watch.watchdog import Watchdog, wave_speeds
 
 KIND, STEP, TIMES = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
 POINT, BOND = 17, (16, 17)

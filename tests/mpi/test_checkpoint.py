@@ -14,7 +14,7 @@ import pytest
 import yaml
 from mpi4py import MPI
 
-from periporo.core.scene import SCHEMES
+from periporo.core.scene.build import SCHEMES
 
 HERE = Path(__file__).parent
 CLI = ("-m", "periporo.core.cli")

@@ -2,7 +2,7 @@
 
 import yaml
 
-from periporo.io.results import open_results
+from periporo.io.output.results import open_results
 
 
 def test_plain_lines_show_energies_speed_rebuilds_and_imbalance(mpirun, scene_of, tmp_path):

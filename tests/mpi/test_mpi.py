@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from periporo.core.scene import SCHEMES
+from periporo.core.scene.build import SCHEMES
 
 HERE = Path(__file__).parent
 CLI = ("-m", "periporo.core.cli")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from periporo.io.input_errors import SCREEN_LINES, SCREEN_WIDTH
+from periporo.errors import SCREEN_LINES, SCREEN_WIDTH
 
 COUNT = 310  # mutations of each shipped scene
 HERE = Path(__file__).parent

@@ -20,8 +20,8 @@ import sys
 import numpy as np
 
 from periporo.materials import registry
-from periporo.materials.driver import drive
-from periporo.materials.driver_paths import built_in_path
+from periporo.materials.laboratory.drive import drive
+from periporo.materials.laboratory.paths import built_in_path
 from periporo.materials.testing import check_material
 
 found = {}

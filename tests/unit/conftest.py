@@ -7,7 +7,7 @@ import pytest
 from mpi4py import MPI
 
 from periporo.core import cli
-from periporo.io.writer import ResultWriter
+from periporo.io.output.writer import ResultWriter
 
 ENERGIES = ("kinetic_energy", "internal_energy", "external_work", "contact_energy", "friction_dissipation",
             "damping_dissipation", "prescribed_work", "energy_residual")

@@ -13,9 +13,10 @@ import pytest
 import yaml
 from mpi4py import MPI
 
-from periporo.core import cli, jit
+from periporo.core import cli
+from periporo.core.numerics import jit
 from periporo.core.simulation import Simulation
-from periporo.io.input_errors import SCREEN_LINES, SCREEN_WIDTH
+from periporo.errors import SCREEN_LINES, SCREEN_WIDTH
 
 
 @pytest.fixture

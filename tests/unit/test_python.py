@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import periporo
-from periporo.core.probes import Probes
-from periporo.core.watchdog import WatchdogError
+from periporo.core.points.probes import Probes
+from periporo.core.watch.watchdog import WatchdogError
 
 
 def test_importing_periporo_imports_nothing_else_and_touches_no_file(tmp_path):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from periporo.io.schema import parse_scene
+from periporo.io.schema.scene import parse_scene
 
 _ROOT = Path(__file__).parents[2]
 

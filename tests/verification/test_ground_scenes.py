@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from periporo.core import fields
-from periporo.core.scene import build
-from periporo.io.schema import parse_scene
+from periporo.core.points import fields
+from periporo.core.scene.build import build
+from periporo.io.schema.scene import parse_scene
 
 G, SPACING = 9.81, 0.1
 SAND = {

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from periporo.io.schema import SceneInput
+from periporo.io.schema.scene import SceneInput
 
 _FOLDER = Path(__file__).parents[2] / "benchmarks"
 

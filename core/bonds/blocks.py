@@ -1,0 +1,134 @@
+"""Blocks: the rows of one material, or of the links, with the state that they carry through neighbour rebuilds."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from periporo.core.numerics.jit import kernel
+from periporo.core.points.material import Material, state_columns
+from periporo.core.points.neighbours import Pairs
+from periporo.core.points.particles import Particles
+from periporo.core.ranks.halo import pack
+
+
+class Rows:
+    """Rows laid out by a `layout`, with stress and state that they carry through neighbour rebuilds."""
+
+    def __init__(self, layout, index: int, components: int, columns: int):
+        self.layout = layout
+        self.index = index
+        self.columns = columns
+        self.pair = np.empty(0, np.uint32)  # what the layout makes of a row: see there
+        self.side = np.empty(0, np.int8)
+        self.start = np.zeros(1, np.int64)
+        self.first, self.second = np.empty(0, np.uint32), np.empty(0, np.uint32)
+        self.ids = np.empty((0, 2), np.int64)
+        self.integrity, self.fraction = np.empty(0), np.empty(0)
+        self.shape_inverse, self.gradient = np.empty((0, 0)), np.empty((0, 0))
+        self.active = np.empty(0, np.bool_)
+        self.stress = np.empty((0, components))
+        self.state = np.empty((0, columns))
+        self.carried: Carried | None = None
+
+    def restore(self, peers, pairs: Pairs, particles: Particles) -> None:
+        """Find the rows among new `pairs` and give back what was set aside; `peers` share the pairs with them."""
+        self.layout.choose(self, peers, pairs, particles)
+        n = len(self.pair)
+        source = np.full(n, -1, np.int64)
+        self.stress, self.state = np.zeros((n, self.stress.shape[1])), np.zeros((n, self.columns))
+        if self.carried is not None:
+            old = self.carried
+            _match(*self.layout.keys(self, pairs), old.ids, old.place, old.active, source)
+            _copy_rows(source, old.stress, self.stress)
+            _copy_rows(source, old.state, self.state)
+            self.carried = None
+        self.active = source >= 0
+
+
+class Block(Rows):
+    """The rows of one material: contiguous slices of every bond array, and its own state columns."""
+
+    def __init__(self, material: Material, layout, index: int, components: int):
+        super().__init__(layout, index, components, state_columns(material, components))
+        self.material = material
+        self.average = f"average_{index}"  # point field: has state, stress, state
+        tensors, logs, start = [], [], 0
+        for field in material.state_fields:
+            width = field.columns(components)
+            if field.kind == "tensor":
+                tensors.append(start)
+            logs += [field.merge == "log_mean"] * width
+            start += width
+        self.tensor_columns = np.array(tensors, np.int64)
+        self.log_columns = np.array(logs, np.bool_)
+        self.rows = slice(0, 0)
+        self.total: np.ndarray | None = None  # stress with that of pore water, if there is any
+        self.held_moduli = None  # what `elastic_moduli` answers while stress and state are only a trial
+        self.strain_increment = np.empty((0, components))
+        # of the strains in a step since `forget_peak`: square of the largest, and its row; its ids after a rebuild
+        self.peak, self.peak_ids = np.array([0.0, -1.0]), np.full(2, -1)
+
+    def forget_peak(self) -> None:
+        """Start to look for the largest strain anew."""
+        self.peak[:], self.peak_ids = (0.0, -1.0), np.full(2, -1)
+
+    @property
+    def total_stress(self) -> np.ndarray:
+        """What forces come from, (rows, 4|6) Pa: the laws' stress, in wet soil with the water's."""
+        return self.stress if self.total is None else self.total
+
+    @property
+    def keeps_all(self) -> bool:
+        """Whether all of the trial stress is kept: by an elastic law, or while the moduli are held."""
+        return self.held_moduli is not None or getattr(self.material, "conservative", False)
+
+    def elastic_moduli(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bulk and shear modulus of the rows, two (n,) arrays in Pa."""
+        if self.held_moduli is not None:
+            return self.held_moduli
+        return self.material.elastic_moduli(self.stress, self.state)
+
+
+@dataclass
+class Carried:
+    """State of rows on its way through a rebuild, sorted by the ids of their ends, `ids`[`place`]."""
+
+    ids: np.ndarray
+    place: np.ndarray
+    active: np.ndarray  # the others are dropped
+    stress: np.ndarray
+    state: np.ndarray
+
+    def packed(self, chosen) -> np.ndarray:
+        """Ids, stress and state of the rows where `chosen` (n,), in one table."""
+        rows = np.flatnonzero(chosen)
+        return pack([self.ids[self.place[rows]], self.stress[rows], self.state[rows]])
+
+    @classmethod
+    def of_active(cls, ids, stress, state) -> "Carried":
+        """Of rows that are all active, one for each of the `ids`."""
+        return cls(ids, np.arange(len(ids), dtype=np.uint32), np.ones(len(ids), bool), stress, state)
+
+
+@kernel
+def _match(ids, pair, old_ids, old_pair, old_active, source):
+    """For each row the active old row with the same ids, or -1; both lists are in id order."""
+    k = 0
+    for r in range(pair.shape[0]):
+        lower, higher = ids[pair[r], 0], ids[pair[r], 1]
+        while k < old_pair.shape[0]:
+            i, j = old_ids[old_pair[k], 0], old_ids[old_pair[k], 1]
+            if i > lower or (i == lower and j >= higher):
+                if i == lower and j == higher and old_active[k]:
+                    source[r] = k
+                break
+            k += 1
+
+
+@kernel
+def _copy_rows(source, old, new):
+    """Row source[r] of `old` becomes row r of `new`, where there is one."""
+    for r in range(source.shape[0]):
+        if source[r] >= 0:
+            for c in range(new.shape[1]):
+                new[r, c] = old[source[r], c]

@@ -1,0 +1,272 @@
+"""Bonds: the rows on which materials live, with the state they carry through neighbour rebuilds."""
+
+import numpy as np
+
+from periporo.core.bonds.blocks import Block, Carried, Rows
+from periporo.core.bonds.rows import PairRows
+from periporo.core.numerics.jit import kernel
+from periporo.core.points.material import Material
+from periporo.core.points.neighbours import Pairs
+from periporo.core.points.particles import Field, Particles
+from periporo.core.ranks.halo import exchange_rows
+
+
+class Bonds:
+    """Pairs of neighbours, and for each material a block of constitutive rows.
+
+    `layout` says where the rows lie (`periporo.core.bonds.rows`), and whether there are `links` besides: a row for each
+    pair with one number, in Pa, that belongs to the scheme. A row is active, that is has state, while its bond is
+    shorter than the horizon and its points are regular.
+    """
+
+    def __init__(self, particles: Particles, materials: list[Material], layout):
+        self.layout = layout
+        self.pairs = Pairs()
+        self.blocks = [Block(m, layout, k, particles.components) for k, m in enumerate(materials)]
+        self.links = Rows(PairRows(), len(materials), 1, 0) if layout.linked else None
+        self.incidence_start = np.zeros(1, np.int64)
+        self.incidence = np.empty(0, np.int32)
+        self.initial_stress_is_total = False  # of wet soil: the laws' is that without the water's
+        self.initial_stress = None  # function of positions (n, d): stress (n, 4|6) of rows without a past
+        for block in self.blocks:
+            width = 1 + particles.components + block.columns
+            particles.add_field(Field(block.average, width, "", migrates=False))
+        for field in layout.fields(particles.dimension, particles.components):
+            particles.add_field(field)
+
+    @property
+    def carriers(self) -> list[Rows]:
+        """All rows that last through rebuilds, in the order of their `index`."""
+        return self.blocks if self.links is None else [*self.blocks, self.links]
+
+    def collect(self, comm, particles: Particles, owner: np.ndarray) -> None:
+        """Set the active rows' state aside for a rebuild, sharing it with the points' new owners."""
+        for block in self.blocks:
+            block.peak_ids, block.peak[1] = self.peak_ends(block), -1.0
+        for rows in self.carriers:
+            carried = Carried(*rows.layout.keys(rows, self.pairs), rows.active, rows.stress, rows.state)
+            rows.carried = carried if comm.size == 1 else self._share(comm, particles, owner, rows, carried)
+
+    def _share(self, comm, particles, owner, held, carried):
+        """`carried` with the rows of points that come to this rank; nothing is copied if none come."""
+        width = 2 + carried.stress.shape[1] + carried.state.shape[1]
+        outgoing = {}
+        moved = np.unique(owner[owner != comm.rank]).tolist()
+        if moved:
+            home = np.full(particles.total, comm.rank)
+            home[: particles.owned] = owner
+            place, first, second, _ = held.layout.holders(held, self.pairs)
+            ends = home[first[place]], home[second[place]]
+            outgoing = {r: carried.packed(carried.active & ((ends[0] == r) | (ends[1] == r))) for r in moved}
+        arrived = exchange_rows(comm, outgoing, width)
+        if not len(arrived):
+            return carried
+        rows = np.concatenate([carried.packed(carried.active), arrived])
+        ids = np.ascontiguousarray(rows[:, :2]).view(np.int64)
+        order = np.lexsort((ids[:, 1], ids[:, 0]))
+        fresh = np.ones(len(order), bool)
+        fresh[1:] = (ids[order[1:]] != ids[order[:-1]]).any(axis=1)
+        rows = rows[order[fresh]]
+        components = carried.stress.shape[1]
+        return Carried.of_active(
+            np.ascontiguousarray(rows[:, :2]).view(np.int64),
+            np.ascontiguousarray(rows[:, 2 : 2 + components]),
+            np.ascontiguousarray(rows[:, 2 + components :]),
+        )
+
+    def rebuild(self, particles: Particles, reach: float) -> None:
+        """Find the pairs within `reach` m and give back the state that `collect` set aside."""
+        self.pairs.find(particles, reach)
+        start = 0
+        for block in self.blocks:
+            block.restore(self.blocks, self.pairs, particles)
+            n = len(block.pair)
+            block.rows = slice(start, start + n)
+            start += n
+            block.strain_increment = np.zeros((n, particles.components))
+        if self.links is not None:
+            self.links.restore([self.links], self.pairs, particles)
+        holders = [self.layout.holders(b, self.pairs) for b in self.blocks]
+        first, second = (np.concatenate([h[end][h[0]] for h in holders]) for end in (1, 2))
+        self.incidence_start, self.incidence = _incidence(first, second, particles.total)
+
+    def peak_ends(self, block) -> np.ndarray:
+        """Ids (2,) of the ends of the row that had the largest strain, -1 if there was none."""
+        if block.peak[1] < 0.0:
+            return block.peak_ids
+        ids, place = self.layout.keys(block, self.pairs)
+        return ids[place[int(block.peak[1])]]
+
+    def average(self, particles: Particles, points: np.ndarray) -> None:
+        """Average stress and state of the active rows of each owned point in `points` (rows), per block.
+
+        The weights are w V of the other end; the result goes to the block's point field, whose first column
+        says whether the point has any active row.
+        """
+        for block in self.blocks:
+            _average_points(
+                points,
+                self.incidence_start,
+                self.incidence,
+                block.rows.start,
+                block.rows.stop,
+                *self.layout.ends(block, self.pairs),
+                block.active,
+                particles.volume,
+                block.stress,
+                block.state,
+                block.log_columns,
+                getattr(particles, block.average),
+            )
+
+    def admit_newborn(self, particles: Particles, dt: float) -> None:
+        """Give state to rows whose pair came within the horizon, and take it from those that left.
+
+        A newborn row takes the mean of its two points' averages (logarithmic where the state field asks for
+        it), followed by one return mapping without a strain increment. A point without active rows has no
+        say; a row between two such points starts from `initial_stress`, or zero.
+        """
+        # averages still count rows that end now: so do those that arrived from the ghosts' owners
+        holders = [self.layout.holders(b, self.pairs) for b in self.blocks]
+        newborn = [_newborn_rows(*h, particles.share, b.active) for h, b in zip(holders, self.blocks, strict=True)]
+        if any(len(rows) for rows in newborn):
+            self._average_ends(particles, newborn)
+        for block, rows, held in zip(self.blocks, newborn, holders, strict=True):
+            _deactivate(*held, particles.share, block.active)
+            if len(rows):
+                self._initialise(block, rows, particles, dt)
+                block.active[rows] = True
+
+    def _average_ends(self, particles, newborn):
+        ends = [end for b, rows in zip(self.blocks, newborn, strict=True) for end in self._ends(b, rows)]
+        points = np.unique(np.concatenate(ends)).astype(np.int64)
+        self.average(particles, points[points < particles.owned])
+
+    def _initialise(self, block, rows, particles, dt):
+        average = getattr(particles, block.average)
+        ends = self._ends(block, rows)
+        first, second = average[ends[0]], average[ends[1]]
+        weight = first[:, :1] + second[:, :1]
+        values = _merge(first[:, 1:], second[:, 1:], first[:, :1], second[:, :1], particles.components, block)
+        components = particles.components
+        stress = np.ascontiguousarray(values[:, :components])
+        state = np.ascontiguousarray(values[:, components:])
+        alone = np.flatnonzero(weight[:, 0] == 0.0)
+        if len(alone):
+            stress[alone] = self._stress_from_nothing(particles, ends[0][alone], ends[1][alone])
+            volume = 0.5 * (particles.volume[ends[0][alone]] + particles.volume[ends[1][alone]])
+            ids, place = self.layout.keys(block, self.pairs)
+            state[alone] = block.material.initial_state(stress[alone], ids[place[rows[alone]]], volume)
+        block.material.compute_stress(stress, np.zeros_like(stress), state, dt)
+        block.stress[rows], block.state[rows] = stress, state
+
+    def _ends(self, block, rows):
+        """The two points that each of the rows lies between."""
+        place, first, second, _ = self.layout.ends(block, self.pairs)
+        return first[place[rows]], second[place[rows]]
+
+    def _stress_from_nothing(self, particles, first, second):
+        if self.initial_stress is None:
+            return np.zeros((len(first), particles.components))
+        stress = self.initial_stress(0.5 * (particles.position[first] + particles.position[second]))
+        if self.initial_stress_is_total:
+            stress[:, :3] -= 0.5 * (particles.pore_stress[first] + particles.pore_stress[second])[:, None]
+        return stress
+
+
+def _merge(first, second, has_first, has_second, components, block):
+    """Mean of two points' averages; logarithmic columns by the mean of ln|value|."""
+    logs = np.concatenate([np.zeros(components, bool), block.log_columns])
+    weight = np.maximum(has_first + has_second, 1.0)
+    result = (has_first * first + has_second * second) / weight
+    if logs.any():
+        with np.errstate(divide="ignore", invalid="ignore"):
+            total = np.where(has_first > 0, np.log(np.abs(first[:, logs])), 0.0) + np.where(
+                has_second > 0, np.log(np.abs(second[:, logs])), 0.0
+            )
+        result[:, logs] = np.sign(result[:, logs]) * np.exp(total / weight)
+    return result
+
+
+@kernel
+def _incidence(first, second, points):
+    """Rows of each point in ascending order: start (points + 1,) and row numbers; both ends may be the same."""
+    start = np.zeros(points + 1, np.int64)
+    for r in range(first.shape[0]):
+        start[first[r] + 1] += 1
+        if second[r] != first[r]:
+            start[second[r] + 1] += 1
+    for i in range(points):
+        start[i + 1] += start[i]
+    filled = start.copy()
+    rows = np.empty(start[points], np.int32)
+    for r in range(first.shape[0]):
+        i, j = first[r], second[r]
+        rows[filled[i]] = r
+        filled[i] += 1
+        if j != i:
+            rows[filled[j]] = r
+            filled[j] += 1
+    return start, rows
+
+
+@kernel
+def _newborn_rows(pair, first, second, weight, share, active):
+    """Numbers of the rows that are about to become active."""
+    found = 0
+    for r in range(pair.shape[0]):
+        found += not active[r] and weight[pair[r]] > 0.0
+    rows = np.empty(found, np.int64)
+    if found == 0:
+        return rows
+    k = 0
+    for r in range(pair.shape[0]):
+        b = pair[r]
+        if not active[r] and weight[b] > 0.0 and share[first[b], 1] > 0.0 and share[second[b], 1] > 0.0:
+            rows[k] = r
+            k += 1
+    return rows[:k]
+
+
+@kernel
+def _deactivate(pair, first, second, weight, share, active):
+    """Take activity from rows that left the horizon or lost an end."""
+    for r in range(pair.shape[0]):
+        b = pair[r]
+        if active[r] and not (weight[b] > 0.0 and share[first[b], 1] > 0.0 and share[second[b], 1] > 0.0):
+            active[r] = False
+
+
+@kernel
+def _average_points(
+    points, start, incidence, begin, end, pair, first, second, weight, active, volume, stress, state, logs, average
+):
+    components = stress.shape[1]
+    for n in range(points.shape[0]):
+        i = points[n]
+        for c in range(average.shape[1]):
+            average[i, c] = 0.0
+        total = 0.0
+        last = 0
+        for k in range(start[i], start[i + 1]):
+            r = incidence[k] - begin
+            if r < 0 or r >= end - begin or not active[r]:
+                continue
+            b = pair[r]
+            other = second[b] if first[b] == i else first[b]
+            w = weight[b] * volume[other]
+            total += w
+            for c in range(components):
+                average[i, 1 + c] += w * stress[r, c]
+            for c in range(state.shape[1]):
+                value = state[r, c]
+                average[i, 1 + components + c] += w * (np.log(abs(value)) if logs[c] else value)
+            last = r
+        if total > 0.0:
+            for c in range(1, average.shape[1]):
+                average[i, c] /= total
+            for c in range(state.shape[1]):
+                if logs[c]:  # such a field keeps its sign, so any row tells it
+                    magnitude = np.exp(average[i, 1 + components + c])
+                    average[i, 1 + components + c] = -magnitude if state[last, c] < 0.0 else magnitude
+            average[i, 0] = 1.0

@@ -1,0 +1,1 @@
+"""Loads and conditions that a scene puts on points."""

@@ -1,0 +1,129 @@
+"""Boundary conditions: prescribed motion, tractions, gravity and mass-proportional damping."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from periporo.core.motion.energy import INTEGRATION, PRESCRIBED
+from periporo.core.numerics.jit import kernel
+from periporo.core.points.particles import Particles
+
+
+class PrescribedMotion:
+    """Velocity components of a set of points as functions of time; their reactions do the work `prescribed`.
+
+    `ids` sorted global ids of the points; `velocities` maps an axis to a function of time and time step (s) in m/s,
+    such as `velocity_history` and `displacement_history` make.
+
+    In each half step a reaction holds up the other forces and moves with the point, and an impulse brings the point
+    from one imposed velocity to the next, at the mean of both. So a boundary that starts or stops at once gives or
+    takes the kinetic energy of its points exactly, and prescribed components have no error of integration.
+    """
+
+    def __init__(self, ids: np.ndarray, velocities: dict[int, Callable[[float, float], float]]):
+        self.ids = ids
+        self.velocities = velocities
+        self._found = None
+
+    def apply(self, p: Particles, time: float, dt: float, closing_step: bool) -> None:
+        """Impose the velocity of `time` in a step of `dt`: after the first kick, or the second (`closing_step`).
+
+        No other motion may prescribe the same component of a point: see `without_overlaps`.
+        """
+        rows = self._rows(p)
+        for axis, function in self.velocities.items():
+            kicked, before = p.velocity[rows, axis], p.previous_velocity[rows, axis]
+            imposed = np.full(len(rows), function(time, dt))
+            mass = p.mass[rows]
+            half_step = before if closing_step else imposed
+            impulse = 0.5 * (imposed - before) * (imposed + before)
+            p.work[rows, PRESCRIBED] += mass * ((before - kicked) * half_step + impulse)
+            booked = (kicked - before) ** 2 if closing_step else -((imposed - before) ** 2)  # by the kick, or the drift
+            p.work[rows, INTEGRATION] -= 0.5 * mass * booked
+            p.velocity[rows, axis] = imposed
+
+    def hold_zero(self, p: Particles, free: np.ndarray) -> None:
+        """Set the prescribed components of `free` (owned, d) to zero."""
+        rows = self._rows(p)
+        for axis in self.velocities:
+            free[rows, axis] = 0.0
+
+    def _rows(self, p):
+        """Owned rows of the points; found anew when a rebuild has moved them."""
+        if self._found is None or self._found[0] is not p.id:
+            self._found = p.id, np.flatnonzero(np.isin(p.id[: p.owned], self.ids, assume_unique=True))
+        return self._found[1]
+
+
+def without_overlaps(motions: list[PrescribedMotion]) -> list[PrescribedMotion]:
+    """Motions of which no two prescribe the same component of a point: where some do, the last one has it."""
+    taken, separate = {}, []
+    for motion in reversed(motions):
+        for axis, velocity in motion.velocities.items():
+            others = taken.get(axis, np.empty(0, np.int64))
+            ids = np.setdiff1d(motion.ids, others, assume_unique=True)
+            taken[axis] = np.union1d(others, ids)
+            separate.append(PrescribedMotion(ids, {axis: velocity}))
+    return separate[::-1]
+
+
+def velocity_history(times, values) -> Callable[[float, float], float]:
+    """Velocity that is linear between `values` (k,) m/s at `times` (k,) s, for `PrescribedMotion`."""
+    return lambda time, dt: float(np.interp(time, times, values))
+
+
+def displacement_history(times, values) -> Callable[[float, float], float]:
+    """Velocity with which every step ends at the displacement of its time, `values` (k,) m at `times` (k,) s.
+
+    A difference over the step around `time`: the drifts of the steps add up to the displacement, whatever the steps.
+    """
+
+    def velocity(time, dt):
+        after, before = np.interp([time + 0.5 * dt, time - 0.5 * dt], times, values)
+        return float((after - before) / dt)
+
+    return velocity
+
+
+class Gravity:
+    """Weight of every point, m g."""
+
+    def __init__(self, acceleration: np.ndarray):
+        self.acceleration = np.asarray(acceleration, float)
+
+    def add_force(self, p: Particles, time: float, dt: float) -> None:
+        """Add to the external force."""
+        _add_weight(p.owned, p.mass, self.acceleration, p.external_force, p.dim)
+
+
+class Traction:
+    """A dead load, the same `force` (d,) N on each of the points `ids`."""
+
+    def __init__(self, ids: np.ndarray, force: np.ndarray):
+        self.ids = ids
+        self.force = force
+        self._found = None
+
+    def add_force(self, p: Particles, time: float, dt: float) -> None:
+        """Add to the external force."""
+        if self._found is None or self._found[0] is not p.id:
+            self._found = p.id, np.flatnonzero(np.isin(p.id[: p.owned], self.ids, assume_unique=True))
+        p.external_force[self._found[1]] += self.force
+
+
+class ViscousDamping:
+    """Damping force -rate m v with the velocity of the middle of the step."""
+
+    def __init__(self, rate: float):
+        self.rate = rate
+
+    def add_force(self, p: Particles, time: float, dt: float) -> None:
+        """Set the damping force."""
+        p.damping_force[: p.owned] = -self.rate * p.mass[:, None] * p.velocity[: p.owned]
+
+
+@kernel
+def _add_weight(owned, mass, acceleration, force, dim):
+    for i in range(owned):
+        for a in range(len(dim)):
+            force[i, a] += mass[i] * acceleration[a]

@@ -1,0 +1,1 @@
+"""Motion: time integration, its stable step, relaxation, stages, and the energy of it all."""

@@ -1,0 +1,48 @@
+"""Plastic dissipation of the points, for the energy ledger, where a law reports it.
+
+A law reports it by a state column named `dissipation`: the plastic work of the last step, J/m^3.
+"""
+
+import numpy as np
+
+from periporo.core.points.material import Material
+from periporo.core.points.particles import Field
+
+NAME = "dissipation"
+
+
+class PlasticDissipation:
+    """Adds up the plastic work (J) of each point's rows."""
+
+    output = ("plastic_dissipation",)
+
+    def attach(self, p) -> None:
+        """Declare the field."""
+        p.add_field(Field("plastic_dissipation", None, "J", sent=False))
+
+    def update(self, p, bonds, dt: float) -> None:
+        """Add this step's work: a row's half to either of the points that hold it."""
+        for block in bonds.blocks:
+            column = _column(block.material, p.components)
+            if column is None:
+                continue
+            rows = np.flatnonzero(block.active & (block.state[:, column] != 0.0))
+            work = bonds.layout.volumes(block, bonds.pairs, p, rows) * block.state[rows, column]
+            index, first, second, _ = bonds.layout.holders(block, bonds.pairs)
+            for ends in (first[index[rows]], second[index[rows]]):
+                mine = ends < p.owned
+                np.add.at(p.plastic_dissipation, ends[mine], 0.5 * work[mine])
+
+
+def reports(material: Material) -> bool:
+    """Whether the law has the state column `dissipation`."""
+    return any(field.name == NAME for field in material.state_fields)
+
+
+def _column(material, components):
+    start = 0
+    for field in material.state_fields:
+        if field.name == NAME:
+            return start
+        start += field.columns(components)
+    return None

@@ -1,0 +1,117 @@
+"""The energy ledger: work of every force on every point, step by step.
+
+In velocity Verlet the kinetic energy changes by the half-step work of all forces plus m dt^2/8 (|a_1|^2 - |a_0|^2),
+exactly. Each point accumulates the work of each channel, and that last term, so that sums over points close to
+rounding whatever the forces are, also with prescribed motion and a varying time step.
+"""
+
+import numpy as np
+from mpi4py import MPI
+
+from periporo.core.numerics.jit import kernel
+from periporo.core.numerics.tensors import square_lengths
+from periporo.core.points.particles import Field, Particles
+from periporo.core.ranks.reductions import exact_sum
+
+WORK = ("internal", "external", "contact", "friction", "damping", "prescribed", "integration")
+"""Columns of the point field `work` (J): force channels, constraints, and the time integrator's own term."""
+PRESCRIBED, INTEGRATION = WORK.index("prescribed"), WORK.index("integration")
+
+
+class ForceChannels:
+    """The forces that a scene has, each an (n, d) point array of its own that the ledger can tell apart."""
+
+    def __init__(self, particles: Particles):
+        self.names: list[str] = []
+        self.columns = np.empty(0, np.int64)  # of `work`, for each channel
+        self._found = None, ()  # ids of the points, and their arrays
+        self._particles = particles
+        particles.add_field(Field("work", len(WORK), "J", sent=False))
+        particles.add_field(Field("previous_velocity", particles.dimension, "m/s", migrates=False, sent=False))
+
+    def need(self, name: str) -> None:
+        """Declare a channel of `WORK`; declaring it again changes nothing."""
+        if name not in self.names:
+            self.names.append(name)
+            self.columns = np.array([WORK.index(n) for n in self.names], np.int64)
+            self._found = None, ()
+            self._particles.add_field(
+                Field(f"{name}_force", self._particles.dimension, "N", migrates=False, sent=True)
+            )
+
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        """The (total, d) N array of each channel."""
+        ids, arrays = self._found
+        if ids is not self._particles.id:  # a rebuild makes all arrays anew
+            arrays = tuple(getattr(self._particles, f"{n}_force") for n in self.names)
+            self._found = self._particles.id, arrays
+        return arrays
+
+    def total(self) -> np.ndarray:
+        """Sum of all channels on the owned points, (owned, d) N."""
+        n = self._particles.owned
+        return sum(a[:n] for a in self.arrays())
+
+
+class Ledger:
+    """Energies of the whole scene in J, the same for any number of ranks."""
+
+    def __init__(self, comm, particles: Particles, initial_kinetic: float | None = None):
+        """`initial_kinetic` J, the present one if not given."""
+        self._comm = comm
+        self._particles = particles
+        self.initial_kinetic = self.kinetic() if initial_kinetic is None else initial_kinetic
+
+    def kinetic(self) -> float:
+        """Kinetic energy."""
+        p = self._particles
+        v = p.velocity[: p.owned]
+        return float(exact_sum(self._comm, 0.5 * p.mass * square_lengths(v))[0])
+
+    def entries(self) -> dict[str, float]:
+        """Energies and work since the start, with the residual of the balance.
+
+        `energy_residual` is what kinetic energy gained beyond all work: it equals `integration_term`, the
+        integrator's own and known error, up to rounding.
+        """
+        p = self._particles
+        v = p.velocity[: p.owned]
+        kinetic = 0.5 * p.mass * square_lengths(v)
+        entries = self._named(exact_sum(self._comm, np.concatenate([kinetic[:, None], p.work], axis=1)))
+        if "plastic_dissipation" in p.fields:  # a part of the internal energy that its laws report
+            entries["plastic_dissipation"] = float(exact_sum(self._comm, p.plastic_dissipation)[0])
+        return entries
+
+    def rough_entries(self) -> dict[str, float]:
+        """As `entries` by plain sums: much quicker, but the last digits depend on the ranks."""
+        p = self._particles
+        sums = np.zeros(1 + len(WORK))
+        _sum_energies(p.owned, p.mass, p.velocity, p.work, sums, p.dim)
+        self._comm.Allreduce(MPI.IN_PLACE, sums, MPI.SUM)
+        return self._named(sums)
+
+    def _named(self, sums):
+        work = dict(zip(WORK, sums[1:].tolist(), strict=True))
+        gained = float(sums[0]) - self.initial_kinetic
+        return {
+            "kinetic_energy": float(sums[0]),
+            "internal_energy": -work["internal"],
+            "external_work": work["external"],
+            "contact_energy": -work["contact"],
+            "friction_dissipation": -work["friction"],
+            "damping_dissipation": -work["damping"],
+            "prescribed_work": work["prescribed"],
+            "integration_term": work["integration"],
+            "energy_residual": gained - sum(w for name, w in work.items() if name != "integration"),
+        }
+
+
+@kernel
+def _sum_energies(owned, mass, velocity, work, sums, dim):
+    for i in range(owned):
+        square = 0.0
+        for a in range(len(dim)):
+            square += velocity[i, a] ** 2
+        sums[0] += 0.5 * mass[i] * square
+        for c in range(work.shape[1]):
+            sums[1 + c] += work[i, c]

@@ -1,0 +1,167 @@
+"""A stable time step from the present stiffness.
+
+The highest frequency of the whole scene comes from a few Lanczos iterations of the scheme's own elastic
+operator: that is exact but costs some steps. In between it is followed by a local estimate for every point,
+its bonds taken as springs, omega_i^2 = lambda_max(sum_b 2 c_b/r_b^2 [mu I + (K + mu/3) n n]) / m_i, which tells
+at once when points come close or stiffen. Its ratio to the exact value is measured again when it has changed,
+and every few hundred steps, since a point in a nearly degenerate neighbourhood is stiffer than its springs; while the
+ratio stays the same it is measured less and less often.
+"""
+
+import math
+
+import numpy as np
+
+from periporo.core.numerics import algebra as la
+from periporo.core.numerics.jit import kernel
+from periporo.core.ranks.reductions import inner, maximum
+from periporo.errors import InputError, Problem
+from periporo.io.geometry.lattice import uniform
+
+_MOST_ITERATIONS = 12  # of Lanczos
+_CONVERGED = 2e-3  # relative change of the frequency in one of them
+_DRIFT = 0.1  # relative change of the local estimate after which the ratio is measured again
+_OFTEN, _SELDOM = 200, 800  # steps after which it is measured again in any case
+_STEADY = 0.02  # relative change of the ratio up to which it is measured less often
+_SCRATCHED = ("velocity", "jacobian", "tilt")  # fields of points that keep their values from step to step
+_REMEMBERED = ("ratio", "reduction", "_calibrated_at", "_calibrated_in", "_pause")
+
+
+class StableTimeStep:
+    """Chooses the time step: `safety` times the stability limit 2/omega, or a `fixed` one."""
+
+    def __init__(self, safety: float, fixed: float | None, interval: int):
+        self.safety = safety
+        self.fixed = fixed
+        self.interval = interval
+        self.ratio = 1.0  # exact over local frequency
+        self.reduction = 1.0  # after a failure the run is careful for a while
+        self._calibrated_at = 0.0
+        self._calibrated_in = 0  # step
+        self._pause = _OFTEN  # steps
+
+    def due(self, step: int) -> bool:
+        """Whether the step is to be chosen anew."""
+        return self.fixed is None and step % self.interval == 0
+
+    def choose(self, sim) -> float:
+        """The time step (s) for the present configuration."""
+        if self.fixed is not None:
+            return self.fixed * self.reduction
+        local = local_frequency(sim, sim.contacts)
+        drifted = not abs(local - self._calibrated_at) <= _DRIFT * self._calibrated_at
+        if drifted or sim.step_number >= self._calibrated_in + self._pause:
+            exact, alone = highest_frequency(sim), local_frequency(sim, ())
+            before, self.ratio = self.ratio, exact / alone if alone > 0.0 and exact > 0.0 else 1.0
+            steady = not drifted and abs(self.ratio - before) <= _STEADY * before
+            self._pause = min(2 * self._pause, _SELDOM) if steady else _OFTEN
+            self._calibrated_at, self._calibrated_in = local, sim.step_number
+        if local == 0.0 and sim.dt > 0.0:
+            return sim.dt  # every point flies freely: go on as before
+        if local == 0.0:
+            message = "no point has a bond or a contact, so nothing limits the step; give a fixed one"
+            raise InputError("scene", [Problem(("time_step", "fixed"), message)])
+        return self.reduction * self.safety * 2.0 / (self.ratio * local)
+
+    def memory(self) -> dict:
+        """What a checkpoint keeps."""
+        return {name: getattr(self, name) for name in _REMEMBERED}
+
+    def recall(self, memory: dict) -> None:
+        """Set it back."""
+        for name in _REMEMBERED:
+            setattr(self, name, memory[name])
+
+
+def local_frequency(sim, contacts) -> float:
+    """Largest of the points' own frequency estimates from bonds and `contacts`, rad/s."""
+    p = sim.particles
+    springs = np.zeros((p.total, p.dimension * (p.dimension + 1) // 2))
+    for block in sim.bonds.blocks:
+        bulk, shear = block.elastic_moduli()
+        sim.scheme.add_springs(p, sim.bonds, block, bulk, shear, springs)
+    stiffness = np.zeros(p.owned)
+    for contact in contacts:
+        contact.add_stiffness(p, sim.time, stiffness)
+    return float(np.sqrt(maximum(sim.comm, _largest_square_frequency(p.owned, springs, stiffness, p.mass, p.dim))))
+
+
+def highest_frequency(sim) -> float:
+    """Highest frequency of the elastic operator of all bonds by Lanczos iteration, rad/s.
+
+    The moduli are those of the present stress and state. These, and what points carry, are put aside meanwhile; nothing
+    of the simulation changes. It starts from random numbers everywhere: where points look stiffest by themselves, the
+    highest mode often is not, and an iteration that starts there finds a lower one.
+    """
+    p, n = sim.particles, sim.particles.owned
+    for block in sim.bonds.blocks:
+        block.held_moduli = block.elastic_moduli()
+    kept = [(r.stress.copy(), r.state.copy(), r.active.copy()) for r in sim.bonds.carriers]
+    totals = [b.total for b in sim.bonds.blocks]
+    points = {name: getattr(p, name).copy() for name in _SCRATCHED if name in p.fields}
+    root_mass = np.sqrt(p.mass)[:, None]
+    vector = uniform(p.id[:n], p.dimension, seed=1) - 0.5
+    previous, beta = np.zeros_like(vector), 0.0
+    diagonal, beside, value = [], [], 0.0
+    vector /= np.sqrt(inner(sim.comm, vector, vector))
+    for _ in range(_MOST_ITERATIONS):
+        image = apply_stiffness(sim, vector / root_mass) / root_mass
+        diagonal.append(inner(sim.comm, vector, image))
+        before, value = value, _largest_eigenvalue(diagonal, beside)
+        image -= diagonal[-1] * vector + beta * previous
+        previous, beta = vector, np.sqrt(inner(sim.comm, image, image))
+        if value - before <= 2.0 * _CONVERGED * value or not beta > 1e-6 * abs(diagonal[0]):
+            break
+        vector = image / beta
+        beside.append(beta)
+    for rows, (stress, state, active) in zip(sim.bonds.carriers, kept, strict=True):
+        rows.stress[:], rows.state[:], rows.active[:] = stress, state, active
+    for block, total in zip(sim.bonds.blocks, totals, strict=True):
+        block.total, block.held_moduli = total, None
+    for name, values in points.items():
+        getattr(p, name)[:] = values
+    return math.sqrt(max(value, 0.0))
+
+
+def _largest_eigenvalue(diagonal, beside):
+    """Of the symmetric tridiagonal matrix with these entries; NaN stays."""
+    matrix = np.diag(diagonal) + np.diag(beside, 1) + np.diag(beside, -1)
+    return float(np.linalg.eigvalsh(matrix)[-1]) if np.isfinite(matrix).all() else np.nan
+
+
+def apply_stiffness(sim, displacement):
+    """Elastic force (owned, d) that a small displacement calls forth, by the production kernels."""
+    p = sim.particles
+    size = maximum(sim.comm, float(np.abs(displacement).max(initial=0.0)))
+    dt = 1e-15 * sim.spacing / size  # small enough to be linear
+    p.velocity[: p.owned] = displacement
+    sim.halo.update(p, "velocity")
+    for rows in sim.bonds.carriers:
+        rows.stress[:] = 0.0
+    for block in sim.bonds.blocks:
+        block.total = None
+    sim.scheme.deform(p, sim.bonds, sim.halo, dt, dt)
+    for block in sim.bonds.blocks:
+        bulk, shear = block.elastic_moduli()
+        _elastic_stress(bulk, shear, block.strain_increment, block.stress)
+    force = np.zeros((p.total, p.dimension))
+    sim.scheme.internal_force(p, sim.bonds, sim.halo, force)
+    return -force[: p.owned] / dt
+
+
+@kernel
+def _elastic_stress(bulk, shear, strain, stress):
+    for r in range(stress.shape[0]):
+        volumetric = (bulk[r] - 2.0 / 3.0 * shear[r]) * (strain[r, 0] + strain[r, 1] + strain[r, 2])
+        for c in range(stress.shape[1]):
+            stress[r, c] = 2.0 * shear[r] * strain[r, c] + (volumetric if c < 3 else 0.0)
+
+
+@kernel
+def _largest_square_frequency(owned, springs, stiffness, mass, dim):
+    largest = 0.0
+    for i in range(owned):
+        value = (la.largest_eigenvalue(la.shape_at(springs, i, 0, dim)) + stiffness[i]) / mass[i]
+        if value > largest or np.isnan(value):  # and stays: nothing is larger than NaN
+            largest = value
+    return largest

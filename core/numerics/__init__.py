@@ -1,0 +1,1 @@
+"""Compiled kernels, and the algebra of small vectors and tensors that they share."""

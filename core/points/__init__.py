@@ -1,0 +1,1 @@
+"""Points: their fields, their neighbours, and what a constitutive law must offer."""

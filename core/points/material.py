@@ -1,0 +1,67 @@
+"""What a constitutive law must offer.
+
+A law advances any number of rows in place. A row is a bond or a point: the law cannot tell. Rows are
+independent of each other. Sign: tension positive. Tensor components stand in the order of
+`periporo.core.numerics.tensors`: (n, 4) in plane strain, (n, 6) in three dimensions; a law serves both.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, Protocol, runtime_checkable
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class StateField:
+    """A named column, or a tensor's columns, of a law's state.
+
+    `kind` "tensor" takes 4 or 6 columns, which the program rotates with the material like the stress.
+    `merge` says how a newborn bond is initialised from its two points, and how points average their bonds:
+    "mean", or "log_mean" (the sign times the exponential of the mean of ln|value|; for quantities that
+    span decades and keep their sign, such as a preconsolidation pressure).
+    """
+
+    name: str
+    unit: str
+    kind: Literal["scalar", "tensor"] = "scalar"
+    merge: Literal["mean", "log_mean"] = "mean"
+
+    def columns(self, components: int) -> int:
+        """Columns that this field takes when a tensor has `components` stored components."""
+        return components if self.kind == "tensor" else 1
+
+
+@runtime_checkable
+class Material(Protocol):
+    """A constitutive law; see `docs/materials.md` for how to write one."""
+
+    density: float
+    """Mass per bulk volume at the start, kg/m^3; of the dry material unless the law owns its pore fluid."""
+
+    state_fields: tuple[StateField, ...]
+    """The state's columns in order; empty for a law without memory besides stress."""
+
+    def initial_state(self, stress: np.ndarray, ids: np.ndarray, volume: np.ndarray) -> np.ndarray:
+        """State (n, k) of rows that start at `stress` (n, 4|6) Pa.
+
+        `ids` (n, 2) int64 are the global ids of the bond's ends (equal for a point), the only permitted
+        source of random numbers; `volume` (n,) m^3 is the mean volume of the two ends (of the point itself), per
+        metre of thickness in plane strain: the size of the specimen that the row is.
+        """
+
+    def compute_stress(
+        self, stress: np.ndarray, strain_increment: np.ndarray, state: np.ndarray, dt: float
+    ) -> None:
+        """Advance `stress` (n, 4|6) Pa and `state` (n, k) in place by `strain_increment` over `dt` s.
+
+        Stress, tensor state and strain increment are rotated to the end of the step already. `dt` is
+        infinite in quasi-static relaxation: a viscous law then returns its inviscid limit.
+        """
+
+    def elastic_moduli(self, stress: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Bulk and shear modulus of unloading, two (n,) arrays in Pa: they set the stable time step."""
+
+
+def state_columns(material: Material, components: int) -> int:
+    """Width k of the state array of `material` when a tensor has `components` stored components."""
+    return sum(f.columns(components) for f in material.state_fields)

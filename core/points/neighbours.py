@@ -1,0 +1,117 @@
+"""Pairs of points within a distance, found on a grid of cells, in the order of their global ids."""
+
+import numpy as np
+
+from periporo.core.numerics.jit import kernel
+
+
+class Pairs:
+    """Undirected pairs with at least one owned end, sorted by (lower id, higher id).
+
+    `first`, `second` (n,) uint32 rows of the end with the lower and the higher id; `ids` (n, 2) int64;
+    `weight` (n,) influence w of the present configuration, 0 from the horizon on; `count` (total,) how many bonds
+    of each point are shorter than that. Every loop over pairs adds to both ends in this order, which is the same on
+    every rank: sums do not depend on the decomposition.
+    """
+
+    def __init__(self):
+        self.first = np.empty(0, np.uint32)
+        self.second = np.empty(0, np.uint32)
+        self.ids = np.empty((0, 2), np.int64)
+        self.weight = np.empty(0)
+        self.count = np.empty(0, np.int64)
+
+    def find(self, particles, reach: float) -> None:
+        """List every pair closer than `reach` m whose points may bond (same `group`)."""
+        p = particles
+        capacity = max(int(1.2 * len(self.first)), 16 * p.total, 64)
+        self.first, self.second = find_pairs(p, np.arange(p.total), p.group, reach, capacity)
+        found = len(self.first)
+        self.ids = np.stack([p.id[self.first], p.id[self.second]], axis=1)
+        self.weight, self.count = np.zeros(found), np.zeros(p.total, np.int64)
+
+    def per_point(self, total: int) -> np.ndarray:
+        """How many listed pairs each of `total` points has, (total,) float64."""
+        return sum(np.bincount(end, minlength=total) for end in (self.first, self.second)).astype(float)
+
+
+def find_pairs(particles, rows: np.ndarray, group: np.ndarray, reach: float, capacity: int = 1024) -> np.ndarray:
+    """Ends (2, n) uint32 of all pairs among `rows` closer than `reach` m, of equal `group` and with an owned end.
+
+    The first end has the lower id; pairs stand in the order of (lower id, higher id). `capacity` is a guess of n.
+    """
+    p = particles
+    order = rows[np.argsort(p.id[rows], kind="stable")].astype(np.int32)
+    cell, counts = _cells(p.position[order], reach)
+    while True:
+        ends = np.empty((2, capacity), np.uint32)
+        found = _find_pairs(order, p.position, group, p.owned, cell, counts, reach, ends, p.dim)
+        if found <= capacity:
+            return ends[:, :found].copy()
+        capacity = found
+
+
+def _cells(position, reach):
+    """Cell indices (n, 3), in the plane the last two, and numbers of cells; NaN positions share one cell."""
+    n, d = position.shape
+    finite = [np.where(np.isfinite(x), x, 0.0) for x in position.T]  # column by column: much quicker than along rows
+    lower = np.array([x.min() for x in finite]) if n else np.zeros(d)
+    extent = np.array([x.max() for x in finite]) - lower if n else np.zeros(d)
+    # a few points flung far away must not blow up the grid: larger cells find the same pairs
+    size = max(reach, float((np.prod(np.maximum(extent, reach)) / (4.0 * max(n, 1))) ** (1.0 / d)))
+    cell = np.zeros((n, 3), np.int64)
+    for a in range(d):
+        cell[:, 3 - d + a] = np.floor((finite[a] - lower[a]) / size)
+    return cell, np.array([c.max(initial=0) for c in cell.T]) + 1
+
+
+@kernel
+def _find_pairs(order, position, group, owned, cell, counts, reach, ends, dim):
+    """Fill `ends` (2, capacity); the number of pairs there are, also when there is no room for them."""
+    n = order.shape[0]
+    heads = np.zeros(counts[0] * counts[1] * counts[2] + 1, np.int32)
+    for p in range(n):
+        heads[(cell[p, 0] * counts[1] + cell[p, 1]) * counts[2] + cell[p, 2] + 1] += 1
+    for c in range(heads.shape[0] - 1):
+        heads[c + 1] += heads[c]
+    filled = heads.copy()
+    members = np.empty(n, np.int32)  # ranks in id order, cell by cell
+    place = np.empty((n, len(dim)))  # and where they are
+    for p in range(n):
+        c = (cell[p, 0] * counts[1] + cell[p, 1]) * counts[2] + cell[p, 2]
+        members[filled[c]] = p
+        for a in range(len(dim)):
+            place[filled[c], a] = position[order[p], a]
+        filled[c] += 1
+    found = 0
+    partners = np.empty(n, np.int32)
+    for p in range(n):
+        i = order[p]
+        m = 0
+        for cx in range(max(cell[p, 0] - 1, 0), min(cell[p, 0] + 2, counts[0])):
+            for cy in range(max(cell[p, 1] - 1, 0), min(cell[p, 1] + 2, counts[1])):
+                row = (cx * counts[1] + cy) * counts[2]  # whose cells follow each other
+                begin, end = heads[row + max(cell[p, 2] - 1, 0)], heads[row + min(cell[p, 2] + 2, counts[2])]
+                for k in range(begin, end):
+                    r2 = 0.0
+                    for a in range(len(dim)):
+                        r2 += (place[k, a] - position[i, a]) ** 2
+                    q = members[k]
+                    if q > p and r2 < reach * reach:
+                        j = order[q]
+                        if (i < owned or j < owned) and group[i] == group[j]:
+                            partners[m] = q
+                            m += 1
+        for k in range(1, m):  # insertion sort: rows are short
+            q = partners[k]
+            s = k - 1
+            while s >= 0 and partners[s] > q:
+                partners[s + 1] = partners[s]
+                s -= 1
+            partners[s + 1] = q
+        for k in range(m):
+            if found + k < ends.shape[1]:
+                ends[0, found + k] = i
+                ends[1, found + k] = order[partners[k]]
+        found += m
+    return found

@@ -1,0 +1,105 @@
+"""Points as a struct of arrays: owned rows first, then ghosts."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from periporo.core.numerics.algebra import DIMENSION
+from periporo.core.numerics.tensors import component_count
+
+_CACHE_LINE = 64  # bytes
+
+
+@dataclass(frozen=True)
+class Field:
+    """A column, or columns, of point data. `columns` None is a plain (n,) array."""
+
+    name: str
+    columns: int | None
+    unit: str
+    migrates: bool = True
+    """Travels with its point to another rank; otherwise it is remade in each step."""
+    sent: bool = True
+    """Has rows for ghosts."""
+    dtype: type = np.float64
+
+
+def standard_fields(dimension: int) -> tuple[Field, ...]:
+    """The fields of every scene; features add their own with `Particles.add_field`."""
+    d, shape, matrix = dimension, dimension * (dimension + 1) // 2, dimension * dimension
+    return (
+        Field("id", None, "", dtype=np.int64),
+        Field("material", None, "", dtype=np.int64),
+        Field("body", None, "", dtype=np.int64),
+        Field("group", None, "", dtype=np.int64),  # points of different groups do not bond
+        Field("position", d, "m"),
+        Field("velocity", d, "m/s"),
+        Field("volume", None, "m^3"),  # at the start: a point's weight among its neighbours, so it stays
+        Field("mass", None, "kg", sent=False),
+        Field("reference_position", d, "m", sent=False),  # where the neighbours were found
+        Field("initial_position", d, "m", sent=False),
+        Field("dilation", None, "1", sent=False),  # present over initial volume
+        Field("jacobian", None, "1", migrates=False, sent=False),  # the same of this step alone
+        # remade by the scheme in each step
+        Field("share", 3, "1/m^3, 1, 1", migrates=False),  # J integrity / sum of w V, integrity, J integrity
+        Field("shape_inverse", shape, "1/m^5", migrates=False),
+        Field("gradient", matrix, "1/s", migrates=False),  # velocity gradient
+        Field("flux", matrix, "Pa/m^5", migrates=False),  # Z K^-1 / V
+        Field("sums", 1 + shape + matrix, "", migrates=False),  # scratch of the geometry pass
+    )
+
+
+class Particles:
+    """Arrays of `owned` points of this rank followed by `total - owned` ghosts, one attribute per field."""
+
+    def __init__(self, dimension: int):
+        self.dimension = dimension
+        self.components = component_count(dimension)
+        self.dim = DIMENSION[dimension]
+        self.fields: dict[str, Field] = {}
+        self.owned = 0
+        self.total = 0
+        for field in standard_fields(dimension):
+            self.add_field(field)
+
+    def add_field(self, field: Field) -> None:
+        """Declare a field, zero in every row. Raises ValueError if the name is taken."""
+        if field.name in self.fields:
+            raise ValueError(f"point field '{field.name}' is declared twice")
+        self.fields[field.name] = field
+        setattr(self, field.name, self._zeros(field))
+
+    def _zeros(self, field: Field) -> np.ndarray:
+        rows = self.total if field.sent else self.owned
+        return _aligned_zeros(rows if field.columns is None else (rows, field.columns), field.dtype)
+
+    def present_volume(self) -> np.ndarray:
+        """Volume (owned,) m^3 of the points after the last step."""
+        return self.volume[: self.owned] * self.dilation
+
+    def migrating(self) -> list[Field]:
+        """Fields that belong to a point, in their order in a migration message."""
+        return [f for f in self.fields.values() if f.migrates]
+
+    def replace(self, owned: dict[str, np.ndarray], ghosts: int) -> None:
+        """New owned rows by field name, with room for `ghosts` more; the other fields become zero."""
+        self.owned = len(owned["id"])
+        self.total = self.owned + ghosts
+        for field in self.fields.values():
+            array = self._zeros(field)
+            if field.migrates:
+                array[: self.owned] = owned[field.name]
+            setattr(self, field.name, array)
+
+    def take(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+        """The migrating fields of the owned `rows`."""
+        return {f.name: getattr(self, f.name)[rows] for f in self.migrating()}
+
+
+def _aligned_zeros(shape, dtype) -> np.ndarray:
+    """Zeros that start where a cache line does, or a machine vector of a point might lie across two of them."""
+    size = (shape if isinstance(shape, int) else math.prod(shape)) * np.dtype(dtype).itemsize
+    raw = np.zeros(size + _CACHE_LINE, np.uint8)
+    start = -raw.ctypes.data % _CACHE_LINE
+    return raw[start : start + size].view(dtype).reshape(shape)

@@ -1,0 +1,164 @@
+"""Ghosts: copies of other ranks' points within reach of ours.
+
+Three verbs: `migrate` hands points to the rank that owns their place, `rebuild` finds the ghosts, `update`
+refreshes named fields of the ghosts from their owners. There is no "accumulate": a bond across a rank boundary
+is computed on both sides from the same numbers, which makes results independent of the decomposition.
+"""
+
+import numpy as np
+from mpi4py import MPI
+
+from periporo.core.points.particles import Particles
+from periporo.core.ranks.domain import Domain
+
+
+def exchange_rows(comm: MPI.Comm, outgoing: dict[int, np.ndarray], width: int) -> np.ndarray:
+    """Send float64 rows (n, width) to other ranks; the rows received, in the order of their ranks.
+
+    Collective. `outgoing` maps a rank to its rows; ranks without rows may be missing.
+    """
+    counts = np.zeros(comm.size, np.int64)
+    for rank, rows in outgoing.items():
+        counts[rank] = len(rows)
+    arriving = np.empty_like(counts)
+    comm.Alltoall(counts, arriving)
+    received = [np.empty((n, width)) for n in arriving]
+    requests = [comm.Irecv(received[r], r) for r in np.flatnonzero(arriving)]
+    sent = [np.ascontiguousarray(rows) for rows in outgoing.values()]
+    requests += [comm.Isend(rows, r) for r, rows in zip(outgoing, sent, strict=True) if len(rows)]
+    MPI.Request.Waitall(requests)
+    return np.concatenate(received)
+
+
+def pack(arrays: list[np.ndarray]) -> np.ndarray:
+    """Columns of 8-byte arrays side by side as float64 rows; integers keep their bits."""
+    columns = [a[:, None] if a.ndim == 1 else a for a in arrays]
+    return np.hstack([np.ascontiguousarray(a).view(np.float64) for a in columns])
+
+
+def _table(owned, fields, rows):
+    return pack([owned[f.name][rows] for f in fields])
+
+
+class Halo:
+    """Ghost exchange of one rank with its neighbours."""
+
+    def __init__(self, comm: MPI.Comm):
+        self.comm = comm
+        self.sends: dict[int, np.ndarray] = {}  # neighbour rank -> owned rows it holds as ghosts
+        self.receives: dict[int, slice] = {}  # neighbour rank -> its ghost rows here
+        self.boundary_rows = np.empty(0, np.int64)  # owned rows that are a ghost anywhere
+        self.bytes_sent = 0
+        self.messages_sent = 0
+        self.points_migrated = 0
+        self._exchanges: dict[tuple[str, ...], _Exchange] = {}
+
+    def migrate(self, particles: Particles, owner: np.ndarray) -> dict[str, np.ndarray]:
+        """Owned fields after each point moved to its new `owner` (owned,), rows in id order."""
+        owned = particles.take(slice(0, particles.owned))
+        if self.comm.size > 1:
+            leaving = owner != self.comm.rank
+            self.points_migrated += int(leaving.sum())
+            fields = particles.migrating()
+            outgoing = {r: _table(owned, fields, owner == r) for r in np.unique(owner[leaving]).tolist()}
+            arrived = exchange_rows(self.comm, outgoing, sum(f.columns or 1 for f in fields))
+            if leaving.any() or len(arrived):  # otherwise everything is as it was
+                rows = np.concatenate([_table(owned, fields, ~leaving), arrived])
+                column = 0
+                for f in fields:
+                    width = f.columns or 1
+                    part = np.ascontiguousarray(rows[:, column : column + width]).view(f.dtype)
+                    owned[f.name] = part[:, 0] if f.columns is None else part
+                    column += width
+        if (owned["id"][1:] > owned["id"][:-1]).all():
+            return owned
+        order = np.argsort(owned["id"], kind="stable")
+        return {name: np.ascontiguousarray(array[order]) for name, array in owned.items()}
+
+    def rebuild(self, particles: Particles, domain: Domain, owned: dict[str, np.ndarray], reach: float) -> None:
+        """Install the `owned` fields and find every ghost within `reach` m of this rank's box."""
+        self.close()
+        comm = self.comm
+        self.sends, counts = {}, np.zeros(comm.size, np.int64)
+        if comm.size > 1:
+            for rank in domain.near(comm.rank, reach):
+                rows = np.flatnonzero(domain.distance(rank, owned["position"]) < reach)
+                if len(rows):
+                    self.sends[rank], counts[rank] = rows, len(rows)
+        arriving = np.zeros_like(counts)
+        comm.Alltoall(counts, arriving)
+        particles.replace(owned, int(arriving.sum()))
+        self.receives, start = {}, particles.owned
+        for rank in np.flatnonzero(arriving).tolist():
+            self.receives[rank] = slice(start, start + int(arriving[rank]))
+            start += int(arriving[rank])
+        self.boundary_rows = (
+            np.unique(np.concatenate(list(self.sends.values()))) if self.sends else np.empty(0, np.int64)
+        )
+        names = [f.name for f in particles.fields.values() if f.migrates and f.sent]
+        self.update(particles, *names)
+
+    def update(self, particles: Particles, *names: str) -> None:
+        """Refresh the ghosts' rows of the named fields: one message to each neighbour."""
+        if not self.sends and not self.receives:
+            return
+        if names not in self._exchanges:
+            self._exchanges[names] = _Exchange(self, particles, names)
+        exchange = self._exchanges[names]
+        exchange.run()
+        self.bytes_sent += exchange.bytes
+        self.messages_sent += len(self.sends)
+
+    def reset_counters(self) -> None:
+        """Forget what was sent so far, for example to distribute the points at the start."""
+        self.bytes_sent = self.messages_sent = self.points_migrated = 0
+
+    def close(self) -> None:
+        """Free the persistent requests."""
+        for exchange in self._exchanges.values():
+            exchange.free()
+        self._exchanges = {}
+
+
+class _Exchange:
+    """Persistent requests and buffers for one set of fields, valid until the next rebuild."""
+
+    def __init__(self, halo: Halo, particles: Particles, names: tuple[str, ...]):
+        arrays = [getattr(particles, n) for n in names]
+        widths = [particles.fields[n].columns or 1 for n in names]
+        self.outgoing, self.incoming, requests = [], [], []
+        self.bytes = 0
+        for rank, rows in halo.sends.items():
+            buffer = np.empty(sum(widths) * len(rows))
+            parts = _parts(buffer, arrays, widths, len(rows))
+            self.outgoing += [(array, rows, part) for array, part in zip(arrays, parts, strict=True)]
+            requests.append(halo.comm.Send_init(buffer, rank))
+            self.bytes += buffer.nbytes
+        for rank, rows in halo.receives.items():
+            count = rows.stop - rows.start
+            buffer = np.empty(sum(widths) * count)
+            parts = _parts(buffer, arrays, widths, count)
+            self.incoming += [(array[rows], part) for array, part in zip(arrays, parts, strict=True)]
+            requests.append(halo.comm.Recv_init(buffer, rank))
+        self.requests = requests
+
+    def run(self) -> None:
+        for array, rows, buffer in self.outgoing:
+            np.take(array, rows, axis=0, out=buffer)
+        MPI.Prequest.Startall(self.requests)
+        MPI.Request.Waitall(self.requests)
+        for target, buffer in self.incoming:
+            target[...] = buffer
+
+    def free(self) -> None:
+        for request in self.requests:
+            request.Free()
+
+
+def _parts(buffer, arrays, widths, count):
+    """Views of a message, one contiguous block for each field."""
+    start = 0
+    for array, width in zip(arrays, widths, strict=True):
+        block = buffer[start : start + width * count].view(array.dtype)
+        yield block.reshape((count, *array.shape[1:]))
+        start += width * count

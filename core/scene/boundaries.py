@@ -1,0 +1,64 @@
+"""From the boundary conditions of a scene to prescribed motions and loads."""
+
+import numpy as np
+
+from periporo.core.loads.boundary import PrescribedMotion, Traction, displacement_history, velocity_history
+from periporo.errors import InputError, Problem
+from periporo.io.schema.bodies import Points
+
+
+def build_boundary(scene, name: str, lattices, moving: bool) -> PrescribedMotion | Traction:
+    """The boundary condition `name`; prescribed components stand still in a stage that is not `moving`."""
+    boundary = scene.boundaries[name]
+    sites = _selected(scene, boundary.where, lattices)
+    if sum(len(ids) for _, ids, _ in sites) == 0:
+        raise InputError("scene", [Problem(("boundaries", name, "where"), "no point of the scene lies in it")])
+    if boundary.traction is not None:
+        ids = np.sort(np.concatenate(list(_outermost(scene, sites, boundary.traction.side))))
+        return Traction(ids, np.array(boundary.traction.stress) * scene.spacing ** (scene.dimension - 1))
+    ids = np.sort(np.concatenate([ids for _, ids, _ in sites]))
+    if boundary.fix:
+        return PrescribedMotion(ids, {"xyz".index(a): _standstill for a in boundary.fix})
+    components, history = boundary.velocity, velocity_history
+    if boundary.displacement is not None:
+        components, history = boundary.displacement, displacement_history
+    velocities = {}
+    for axis, letter in enumerate("xyz"[: scene.dimension]):
+        component = getattr(components, letter)
+        if component is not None:
+            velocities[axis] = history(component.times, component.values) if moving else _standstill
+    return PrescribedMotion(ids, velocities)
+
+
+def _standstill(time, dt):
+    return 0.0
+
+
+def _selected(scene, region, lattices):
+    """(lattice, ids (n,), positions (n, d)) of the points of each body that lie in a region at the start."""
+    d = scene.dimension
+    lower = np.array([-np.inf if v is None else v for v in region.lower or (None,) * d])
+    upper = np.array([np.inf if v is None else v for v in region.upper or (None,) * d])
+    sites = []
+    for body, lattice in zip(scene.bodies, lattices, strict=True):
+        if region.body in (None, body.name):
+            corners = np.maximum(lower, lattice.lower - 1), np.minimum(upper, lattice.upper + 1)
+            sites.append((lattice, *lattice.sites_within(*corners)[:2]))
+    return sites
+
+
+def _outermost(scene, sites, side):
+    """Ids of the points that have no other selected point of their body beside them on the side "x-" ... "z+"."""
+    axis, sign = "xyz".index(side[0]), 1.0 if side[1] == "+" else -1.0
+    for lattice, ids, position in sites:
+        if isinstance(lattice.body.shape, Points):
+            cell = np.floor((position - lattice.lower) / scene.spacing + 0.5).astype(np.int64)
+        else:
+            cell = np.stack(np.unravel_index(ids - lattice.first_id, lattice.counts), axis=1)
+        row = np.delete(cell, axis, axis=1)
+        # sorted by row, the outermost last
+        order = np.lexsort((sign * position[:, axis], *row.T))
+        row = row[order]
+        last = np.ones(len(order), bool)
+        last[:-1] = (row[1:] != row[:-1]).any(axis=1)
+        yield ids[order[last]]

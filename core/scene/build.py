@@ -1,0 +1,165 @@
+"""From validated input to a simulation: the only file that knows which features exist."""
+
+import numpy as np
+
+from periporo.core.correspondence.balance import balance, tilt_field
+from periporo.core.correspondence.bond_projected import BondProjected
+from periporo.core.correspondence.point_state import PointState
+from periporo.core.correspondence.standard import Standard
+from periporo.core.correspondence.sub_horizon import SubHorizon
+from periporo.core.correspondence.sub_horizon_published import SubHorizonPublished
+from periporo.core.loads.boundary import Gravity, Traction, ViscousDamping, without_overlaps
+from periporo.core.motion.dissipation import PlasticDissipation, reports
+from periporo.core.motion.stages import DynamicsStage, RelaxStage
+from periporo.core.motion.timestep import StableTimeStep
+from periporo.core.points.fields import StrainMeasures
+from periporo.core.points.particles import Particles
+from periporo.core.scene.boundaries import build_boundary
+from periporo.core.scene.contacts import bonding_groups, build_contact, build_repulsion, is_present, refuse_penetration
+from periporo.core.scene.geostatic import GeostaticStress, uniform_stress
+from periporo.core.simulation import Simulation
+from periporo.core.water.pore_water import PoreWater, retention_curve
+from periporo.errors import InputError, Problem
+from periporo.io.geometry import lattice as geometry
+
+SKIN = 0.3  # spacings
+
+SCHEMES = {s.name: s for s in (BondProjected, PointState, Standard, SubHorizon, SubHorizonPublished)}
+
+
+def build(scene, comm) -> Simulation:
+    """The simulation that a `SceneInput` describes, distributed over the ranks of `comm`."""
+    particles = Particles(scene.dimension)
+    materials = [m.create() for m in scene.materials.values()]
+    water = None
+    if scene.pore_water is not None:
+        water, materials = _pore_water(scene, materials)
+    chosen = scene.correspondence
+    options = chosen.options()
+    if "sharpened" in options:
+        options["sharpened"] *= scene.spacing  # of the grid
+    scheme = SCHEMES[chosen.scheme](scene.horizon * scene.spacing, scene.influence, **options)
+    time_step = StableTimeStep(scene.time_step.safety, scene.time_step.fixed, scene.time_step.update)
+    sim = Simulation(
+        comm, particles, materials, scheme, spacing=scene.spacing, skin=SKIN * scene.spacing, time_step=time_step
+    )
+    if chosen.balance:
+        particles.add_field(tilt_field(scene.dimension))
+        sim.preparations.append(balance)
+    sim.forces.need("external")
+    strains = StrainMeasures()
+    strains.attach(particles)
+    sim.point_processes.append(strains)
+    if any(reports(m) for m in materials):
+        dissipation = PlasticDissipation()
+        dissipation.attach(particles)
+        sim.point_processes.append(dissipation)
+    if water is not None:
+        water.attach(particles, sim.halo)
+        sim.point_processes.append(water)
+    contacts = [(c, build_contact(scene, c, k, sim)) for k, c in enumerate(scene.contacts)]
+    for _, contact in contacts:
+        contact.attach(particles, sim.forces)
+    for stage in scene.stages:
+        if stage.type == "dynamics" and stage.damping.viscous > 0.0:
+            sim.forces.need("damping")
+    repulsion = build_repulsion(sim)
+    repulsion.attach(particles, sim.forces)
+    lattices = geometry.build_lattices(scene)
+    _place_points(scene, comm, particles, materials, water, lattices)
+    refuse_penetration(scene, contacts, particles, comm)
+    if scene.initial_stress is not None:
+        sim.bonds.initial_stress = _initial_stress(scene, materials, water, lattices)
+        sim.bonds.initial_stress_is_total = water is not None and scene.initial_stress.type == "geostatic"
+    sim.stages = [_stage(scene, sim, stage, contacts, lattices) for stage in scene.stages]
+    for stage in sim.stages:
+        stage.contacts.append(repulsion)
+    if sim.stages:
+        sim.contacts, sim.loads = sim.stages[0].contacts, sim.stages[0].loads
+    return sim
+
+
+def _place_points(scene, comm, particles, materials, water, lattices):
+    """Each rank makes its part of every body's lattice; the first rebuild hands points to their owners."""
+    parts = {name: [] for name in ("id", "position", "volume", "material", "body", "velocity")}
+    for number, (body, lattice) in enumerate(zip(scene.bodies, lattices, strict=True)):
+        begin, end = (lattice.size * r // comm.size for r in (comm.rank, comm.rank + 1))
+        for start in range(begin, end, geometry.CHUNK):
+            ids, position, volume, material = lattice.sites(start, min(start + geometry.CHUNK, end))
+            parts["id"].append(ids)
+            parts["position"].append(position)
+            parts["volume"].append(volume)
+            parts["material"].append(material)
+            parts["body"].append(np.full(len(ids), number))
+            parts["velocity"].append(np.tile(scene.vector(body.velocity), (len(ids), 1)))
+    owned = {name: np.concatenate(arrays) if arrays else None for name, arrays in parts.items()}
+    if owned["id"] is None:
+        owned = _no_points(particles)
+    owned["group"] = bonding_groups(scene)[owned["body"]]
+    owned["mass"] = owned["volume"] * np.array([m.density for m in materials])[owned["material"]]
+    if water is not None:
+        water.initial_fields(owned)
+    for field in particles.migrating():
+        shape = (len(owned["id"]),) if field.columns is None else (len(owned["id"]), field.columns)
+        owned.setdefault(field.name, np.zeros(shape, field.dtype))
+    owned["dilation"] = np.ones(len(owned["id"]))
+    owned["initial_position"] = owned["position"].copy()
+    owned["reference_position"] = owned["position"].copy()
+    particles.replace(owned, 0)
+
+
+def _no_points(particles):
+    names = ("id", "position", "volume", "material", "body", "velocity")
+    fields = [particles.fields[n] for n in names]
+    return {f.name: np.zeros(0 if f.columns is None else (0, f.columns), f.dtype) for f in fields}
+
+
+def _initial_stress(scene, materials, water, lattices):
+    """Stress of rows at the start as a function of their places (n, d): effective if uniform, total if geostatic."""
+    initial = scene.initial_stress
+    if initial.type == "uniform":
+        return uniform_stress(initial.components, scene.dimension)
+    density = np.array([m.density for m in materials])
+    if water is not None:
+        density = water.density(density)
+    return GeostaticStress(lattices, density, scene.vector(scene.gravity), initial.K0, initial.surface)
+
+
+def _pore_water(scene, materials):
+    """The process of pore water, and the materials that a suction bonds."""
+    water = scene.pore_water
+    porosity = [getattr(m, "porosity", None) for m in materials]
+    for name, value in zip(scene.materials, porosity, strict=True):
+        if value is None:
+            message = "this law has no 'porosity', which pore water needs; choose one that has, such as cam_clay"
+            raise InputError("scene", [Problem(("materials", name, "model"), message)])
+    process = PoreWater(
+        water.suction, retention_curve(water.retention), water.water_density, porosity, frozen=water.frozen
+    )
+    wet = [
+        m.for_unsaturated(float(xi)) if hasattr(m, "for_unsaturated") else m
+        for m, xi in zip(materials, process.initial_bonding, strict=True)
+    ]
+    return process, wet
+
+
+def vertical_axis(scene) -> int:
+    """Axis along gravity, the last one without gravity."""
+    gravity = scene.vector(scene.gravity)
+    return int(np.argmax(np.abs(gravity))) if gravity.any() else scene.dimension - 1
+
+
+def _stage(scene, sim, stage, contacts, lattices):
+    motions, loads = [], []
+    if scene.gravity is not None:
+        loads.append(Gravity(scene.vector(scene.gravity)))
+    for name in stage.boundaries:
+        boundary = build_boundary(scene, name, lattices, moving=stage.type == "dynamics")
+        (loads if isinstance(boundary, Traction) else motions).append(boundary)
+    motions = without_overlaps(motions)
+    present = [c for model, c in contacts if is_present(model, stage)]
+    if stage.type == "relax":
+        return RelaxStage(stage.name, motions, present, loads, stage.tolerance, stage.max_steps)
+    if stage.damping.viscous > 0.0:
+        loads.append(ViscousDamping(stage.damping.viscous))
+    return DynamicsStage(stage.name, motions, present, loads, stage.duration, stage.stop_when_at_rest)

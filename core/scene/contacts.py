@@ -1,0 +1,135 @@
+"""From the contacts of a scene to the objects that make their forces."""
+
+from itertools import combinations
+
+import numpy as np
+
+from periporo.contact import surfaces
+from periporo.contact.bodies import BodiesContact
+from periporo.contact.repulsion import Repulsion
+from periporo.contact.rigid import RigidContact
+from periporo.contact.short_range_published import ShortRangePublished
+from periporo.core.correspondence.influence import influence
+from periporo.errors import InputError, Problem
+
+_TOUCH = 0.01  # spacings by which cells and obstacles may overlap when motion begins
+_PUSHED_OUT = 0.6  # the same when relaxation begins
+
+
+def build_contact(scene, model, number: int, sim):
+    """The contact that entry `number` of the scene's contacts describes."""
+    spacing = scene.spacing
+    if model.type == "short_range_published":
+        substrate = model.substrate
+        return ShortRangePublished(
+            substrate.lower, substrate.upper, substrate.spacing * spacing, spacing=spacing, stiffness=model.stiffness,
+            friction=model.friction, cutoff=model.cutoff * spacing,
+        )  # fmt: skip
+    stiffness = model.stiffness
+    if stiffness is None:
+        stiffness = max(_p_wave_modulus(m) for m in sim.materials) / spacing
+    law = {
+        "stiffness": stiffness * spacing ** (scene.dimension - 1),
+        "friction": model.friction,
+        "damping": model.damping,
+    }
+    if model.type == "bodies":
+        names = [b.name for b in scene.bodies]
+        return BodiesContact(str(number), names.index(model.first), names.index(model.second), sim=sim, **law)
+    velocity = None if model.velocity is None else scene.vector(model.velocity)
+    return RigidContact(str(number), _surface(model), spacing=spacing, skin=sim.largest_skin, velocity=velocity, **law)
+
+
+def is_present(model, stage) -> bool:
+    """Whether the contact of an input model acts in a stage of the scene."""
+    return model.stages is None or stage.name in model.stages
+
+
+def refuse_penetration(scene, contacts, p, comm) -> None:
+    """Raise InputError, on all ranks alike, if a body reaches into an obstacle of the first stage.
+
+    contacts: pairs of input model and contact. A cell that overlaps an obstacle would be shot out of it. Relaxation
+    pushes out what overlaps by about half a cell; motion may begin with the overlap of the jitter only.
+    """
+    stage = scene.stages[0]
+    jitter = np.array([body.jitter for body in scene.bodies])
+    allowed = np.full(len(jitter), _PUSHED_OUT) if stage.type == "relax" else jitter + _TOUCH
+    problems = []
+    for number, (model, contact) in enumerate(contacts):
+        if not (isinstance(contact, RigidContact) and is_present(model, stage)):
+            continue
+        gap, _ = contact.surface.gap(p.position[: p.owned])
+        excess = 0.5 - gap / scene.spacing - allowed[p.body[: p.owned]]
+        worst = int(np.argmax(excess)) if p.owned else -1
+        mine = (excess[worst], gap[worst], p.body[worst], p.position[worst].tolist()) if p.owned else (-np.inf,)
+        excess, *found = max(comm.allgather(mine))
+        if excess > 0.0:
+            problems.append(Problem(("contacts", number), _penetration(scene, model, stage, *found)))
+    if problems:
+        raise InputError("scene", problems)
+
+
+def _penetration(scene, model, stage, gap, body, place) -> str:
+    at = ", ".join(f"{x:.4g}" for x in place)
+    message = (
+        f"the body '{scene.bodies[body].name}' reaches {0.5 * scene.spacing - gap:.3g} m into this {model.type}: the "
+        f"point at ({at}) stands for a cell of {scene.spacing:g} m; move one of them apart"
+    )
+    if gap >= (0.5 - _PUSHED_OUT) * scene.spacing:
+        return f"{message}, or begin with a relax stage, which pushes the points out"
+    return f"{message}, or leave the contact out of '{stage.name}'"
+
+
+def build_repulsion(sim) -> Repulsion:
+    """The soft repulsion that keeps points from clumping in a flow: below .3 spacings, .01 of the P-wave modulus."""
+    distance = 0.3 * sim.spacing
+    modulus = max(_p_wave_modulus(m) for m in sim.materials)
+    closest = influence(1.0 - distance / sim.scheme.horizon, sim.scheme.table)
+    stiffness = 0.01 * modulus * sim.spacing ** (sim.particles.dimension - 2)
+    return Repulsion(sim.bonds.pairs, distance=distance, stiffness=stiffness, closest=closest)
+
+
+def _surface(model) -> surfaces.Surface:
+    match model.type:
+        case "plane":
+            return surfaces.Plane(model.point, model.normal)
+        case "box":
+            return surfaces.Box(model.lower, model.upper)
+        case "disc":
+            return surfaces.Disc(model.center, model.radius)
+        case "cylinder":
+            return surfaces.Cylinder(model.base, "xyz".index(model.axis), model.radius, model.height)
+        case "polyline":
+            return surfaces.Polyline(model.vertices)
+
+
+def _p_wave_modulus(material):
+    """K + 4 mu / 3 of a material without stress, Pa."""
+    stress = np.zeros((1, 6))
+    state = material.initial_state(stress, np.zeros((1, 2), np.int64), np.ones(1))
+    bulk, shear = material.elastic_moduli(stress, state)
+    return float(bulk[0] + 4.0 / 3.0 * shear[0])
+
+
+def bonding_groups(scene) -> np.ndarray:
+    """Group of each body (bodies,): points of different groups do not bond.
+
+    A body that a bodies contact names bonds with no other; all others may bond. Raises InputError if two bodies
+    would neither bond nor touch, since they would pass through each other.
+    """
+    names = [b.name for b in scene.bodies]
+    touching = {frozenset((c.first, c.second)) for c in scene.contacts if c.type == "bodies"}
+    named = set().union(*touching)
+    for pair in combinations(names, 2):
+        if named.intersection(pair) and frozenset(pair) not in touching:
+            first, second = pair
+            message = (
+                f"'{first}' and '{second}' would pass through each other: a body in a contact of type 'bodies' bonds "
+                f"with no other body; add {{type: bodies, first: {first}, second: {second}, friction: ..}}"
+            )
+            raise InputError("scene", [Problem(("contacts",), message)])
+    groups = np.zeros(len(names), np.int64)
+    for k, name in enumerate(names):
+        if name in named:
+            groups[k] = k + 1
+    return groups

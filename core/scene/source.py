@@ -1,0 +1,45 @@
+"""Scenes from files, dictionaries or ready-made, read once and the same on every rank."""
+
+from contextlib import contextmanager
+from pathlib import Path
+
+from periporo.core.scene.build import build
+from periporo.errors import InputError
+from periporo.io.schema.scene import SceneInput, load_scene, located, parse_scene
+
+
+def read_everywhere(source, comm) -> SceneInput:
+    """The scene in the file `source` (a path), or that of a dictionary, or `source` itself if it is a `SceneInput`.
+
+    Rank 0 reads; its InputError is raised on all ranks alike.
+    """
+    if isinstance(source, SceneInput):
+        return source
+    scene, error = None, None
+    if comm.rank == 0:
+        try:
+            scene = load_scene(source) if isinstance(source, str | Path) else parse_scene(source)
+        except InputError as problem:
+            error = problem
+    scene, error = comm.bcast((scene, error))
+    if error is not None:
+        raise error
+    return scene
+
+
+@contextmanager
+def naming(source):
+    """Have an InputError that is raised within name the file `source`, if it is one, and the lines in it."""
+    try:
+        yield
+    except InputError as error:
+        if isinstance(source, str | Path):
+            raise located(error, source) from None
+        raise
+
+
+def simulation_of(source, comm):
+    """The simulation of the scene `source`, see `read_everywhere`, on the ranks of `comm`. Raises InputError."""
+    scene = read_everywhere(source, comm)
+    with naming(source):
+        return build(scene, comm)

@@ -1,0 +1,207 @@
+"""Watches a run: a state that cannot be right is taken back and tried again with half the step, or reported.
+
+Every few steps all ranks look for NaN, for points faster than the waves of their material, for bonds whose strain jumps
+within a step, and for energy that comes from nowhere. Every few hundred steps the state is kept in memory. After a
+failure the run goes on from there with half the time step, and looks at every step, until the next state is kept; if
+it fails again the step is halved again, at most `MOST_RETRIES` times. All of this depends on the state alone, hence not
+on the number of ranks.
+"""
+
+import numpy as np
+from mpi4py import MPI
+
+from periporo.core.motion.energy import INTEGRATION
+from periporo.core.numerics.jit import kernel
+from periporo.core.numerics.tensors import square_lengths
+from periporo.core.ranks.reductions import maximum
+from periporo.core.watch.diagnosis import Fault, find_fault, report
+from periporo.core.watch.interrupt import CHECK_INTERVAL
+from periporo.core.watch.state import capture, install
+
+SNAPSHOT_INTERVAL = 500  # steps between states kept in memory
+MOST_RETRIES = 3  # at half, quarter and an eighth of the step
+MOST_FAILURES = 20  # of a run: one that always needs help is not to be trusted
+STRAIN_JUMP = 1.0  # strain of a bond within one step
+_WARM_UP = 100  # steps of a motion before its energy is judged: a start from rest has hardly done any work
+_TURNED_OVER = (
+    "kinetic_energy", "internal_energy", "external_work", "contact_energy", "friction_dissipation",
+    "damping_dissipation", "prescribed_work",
+)  # fmt: skip
+
+
+class WatchdogError(RuntimeError):
+    """The run went wrong and could not be repaired; raised on all ranks alike."""
+
+
+class Watchdog:
+    """Checks a simulation every `CHECK_INTERVAL` steps.
+
+    energy_tolerance: largest energy error over the work done. materials: their names. diagnostics: path of the file
+    that describes a failure. rewind: function of a step number that drops the results recorded after it. message:
+    function of a text. `retries` counts the repairs.
+    """
+
+    def __init__(self, energy_tolerance, materials, diagnostics, *, rewind=lambda step: None, message=print):
+        self.energy_tolerance = energy_tolerance
+        self.materials = list(materials)
+        self.diagnostics = diagnostics
+        self.rewind = rewind
+        self.message = message
+        self.retries = 0
+        self._failures = 0  # since the last sound state was kept
+        self._last_kind = ""
+        self._kept = None
+        self._stage = None
+        self._fastest = np.empty(0)  # wave speed of each material, m/s
+
+    def start_stage(self, sim, stage) -> None:
+        """Keep the state in which a stage begins or goes on."""
+        self._stage = stage
+        self._keep(sim)
+
+    def check(self, sim) -> None:
+        """After a step: keep the state, or take it back. Raises WatchdogError if that was tried often enough."""
+        careful = self._failures > 0
+        if sim.step_number % CHECK_INTERVAL != 0 and not careful:
+            return
+        fault = self._fault(sim)
+        _forget_peaks(sim)
+        if fault is not None:
+            self._take_back(sim, fault)
+        elif sim.step_number % SNAPSHOT_INTERVAL == 0:
+            if careful:
+                self._relent(sim)
+            self._keep(sim)
+
+    def _relent(self, sim):
+        """Back to the step before the failure; not after an energy error, which would only come back."""
+        if self._last_kind != "energy":
+            self._scale_time_step(sim, 2.0**self._failures)
+        self._failures = 0
+        part = "the full" if sim.time_step.reduction == 1.0 else f"{sim.time_step.reduction:g} of the"
+        self.message(f"step {sim.step_number}: sound again, going on with {part} time step")
+
+    def _keep(self, sim):
+        _forget_peaks(sim)
+        self._fastest = wave_speeds(sim)
+        self._kept = capture(sim)
+
+    def _take_back(self, sim, fault: Fault):
+        if self._failures == MOST_RETRIES or self.retries == MOST_FAILURES:
+            report(sim, fault, self.diagnostics)
+            raise WatchdogError(f"{fault}\n{self.retries} repairs were tried; details in {self.diagnostics}")
+        self._failures += 1
+        self.retries += 1
+        self._last_kind = fault.kind
+        install(sim, self._kept)
+        self.rewind(sim.step_number)
+        self._scale_time_step(sim, 0.5**self._failures)
+        self.message(f"{fault}\nback to step {sim.step_number} with {sim.time_step.reduction:g} of the time step")
+
+    def _scale_time_step(self, sim, factor):
+        sim.time_step.reduction *= factor
+        sim.dt *= factor
+
+    def _fault(self, sim) -> Fault | None:
+        """What is wrong with the present state; the same on all ranks."""
+        nan, speed, strain = survey(sim, self._fastest)
+        if nan:
+            return self._describe(sim, "nan", nan_points(sim))
+        if speed > 1.0:
+            return self._describe(sim, "speed", speed_ratios(sim, self._fastest))
+        if strain > STRAIN_JUMP:
+            return self._describe(sim, "strain", strain_jumps(sim) / STRAIN_JUMP)
+        stage = self._stage
+        if sim.rate_independent or sim.step_number < stage.first_step + _WARM_UP:
+            return None
+        if self._energy_error(sim.ledger.rough_entries()) <= 0.5 * self.energy_tolerance:
+            return None
+        error = self._energy_error(sim.ledger.entries())  # the same for any number of ranks
+        if error <= self.energy_tolerance:
+            return None
+        share = np.abs(sim.particles.work[:, INTEGRATION])
+        return self._describe(sim, "energy", share / maximum(sim.comm, float(share.max(initial=0.0))), error)
+
+    def _energy_error(self, entries):
+        """Energy that nothing explains over the energy that was turned over, since the stage began; NaN stays."""
+        turned_over = sum(abs(entries[name]) for name in _TURNED_OVER)
+        error = abs(entries["energy_residual"] - self._stage.initial_residual)
+        if error == 0.0:
+            return 0.0
+        return error / turned_over if turned_over != 0.0 else np.inf
+
+    def _describe(self, sim, kind, excess, size=None):
+        return find_fault(sim, kind, excess, self.materials, self._kept, size)
+
+
+def _forget_peaks(sim):
+    for block in sim.bonds.blocks:
+        block.forget_peak()
+
+
+def wave_speeds(sim) -> np.ndarray:
+    """Largest speed of compression waves in each material at present, (materials,) m/s."""
+    speeds = np.zeros(len(sim.materials))
+    for block in sim.bonds.blocks:
+        bulk, shear = block.material.elastic_moduli(block.stress, block.state)
+        stiffest = float((bulk + 4.0 / 3.0 * shear)[block.active].max(initial=0.0))
+        speeds[block.index] = np.sqrt(stiffest / block.material.density)
+    sim.comm.Allreduce(MPI.IN_PLACE, speeds, MPI.MAX)
+    speeds[speeds == 0.0] = np.inf  # without bonds there are no waves
+    return speeds
+
+
+def survey(sim, fastest) -> np.ndarray:
+    """Over all ranks: 1 if a point is NaN, largest speed over wave speed, largest strain of a bond in a step, (3,).
+
+    The strain is that of all steps since the last look.
+    """
+    p = sim.particles
+    seen = np.zeros(3)
+    _survey_points(p.owned, p.position, p.velocity, p.material, 1.0 / fastest**2, seen, p.dim)
+    for block in sim.bonds.blocks:
+        seen[2] = max(seen[2], block.peak[0])
+    seen[1:] = np.sqrt(seen[1:])
+    sim.comm.Allreduce(MPI.IN_PLACE, seen, MPI.MAX)
+    return seen
+
+
+def nan_points(sim) -> np.ndarray:
+    """Per owned point: 2 if its position or velocity is NaN or infinite, else 0."""
+    n = sim.particles.owned
+    finite = np.isfinite(sim.particles.position[:n]) & np.isfinite(sim.particles.velocity[:n])
+    return np.where(finite.all(axis=1), 0.0, 2.0)
+
+
+def speed_ratios(sim, fastest) -> np.ndarray:
+    """Per owned point: speed over the wave speed of its material."""
+    p, n = sim.particles, sim.particles.owned
+    return np.sqrt(square_lengths(p.velocity[:n])) / fastest[p.material[:n]]
+
+
+def strain_jumps(sim) -> np.ndarray:
+    """Per owned point: the strain of its bonds in the last step, and that of the largest since the last look."""
+    p = sim.particles
+    jump = np.zeros(p.total)
+    for block in sim.bonds.blocks:
+        index, first, second, _ = sim.bonds.layout.ends(block, sim.bonds.pairs)
+        size = np.sqrt((block.strain_increment**2).sum(axis=1)) * block.active
+        np.maximum.at(jump, first[index], size)
+        np.maximum.at(jump, second[index], size)
+        ends = np.isin(p.id, sim.bonds.peak_ends(block))
+        jump[ends] = np.maximum(jump[ends], np.sqrt(block.peak[0]))
+    return jump[: p.owned]
+
+
+@kernel
+def _survey_points(owned, position, velocity, material, inverse_square, seen, dim):
+    nan, largest = 0.0, 0.0
+    for i in range(owned):
+        square, total = 0.0, 0.0
+        for a in range(len(dim)):
+            square += velocity[i, a] ** 2
+            total += position[i, a]
+        if not (np.isfinite(square) and np.isfinite(total)):
+            nan = 1.0
+        largest = max(largest, square * inverse_square[material[i]])
+    seen[0], seen[1] = nan, largest

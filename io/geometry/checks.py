@@ -1,0 +1,145 @@
+"""Checks of a scene's bodies: large enough, not empty, not overlapping."""
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from periporo.errors import Problem
+from periporo.io.geometry.lattice import CHUNK, Lattice, build_lattices
+from periporo.io.geometry.points import PointFileError, read_points
+from periporo.io.schema.base import MAX_LENGTH
+from periporo.io.schema.bodies import Points
+
+if TYPE_CHECKING:
+    from periporo.io.schema.scene import SceneInput
+
+MAX_SITES = 2 * 10**9
+
+
+def geometry_problems(scene: "SceneInput") -> Iterator[Problem]:
+    """Bodies that are too small, too large, empty, or that overlap."""
+    try:
+        lattices = build_lattices(scene)
+    except PointFileError:
+        yield from _file_problems(scene)
+        return
+    found = False
+    for k, lattice in enumerate(lattices):
+        message = _size_problem(lattice)
+        if message:
+            found = True
+            yield Problem(("bodies", k, "shape"), message)
+    total = sum(lattice.size for lattice in lattices)
+    if total > MAX_SITES:
+        found = True
+        yield Problem(("spacing",), f"{total:.3g} points are too many (at most {MAX_SITES:.0e}); enlarge it")
+    if found:
+        return
+    for k, second in enumerate(lattices):
+        for first in lattices[:k]:
+            place = find_overlap(first, second)
+            if place is not None:
+                at = ", ".join(f"{c:.4g}" for c in place)
+                message = (
+                    f"overlaps the body '{first.body.name}': points closer than half a spacing at ({at})"
+                )
+                yield Problem(("bodies", k, "shape"), message)
+
+
+def _file_problems(scene: "SceneInput") -> Iterator[Problem]:
+    for k, body in enumerate(scene.bodies):
+        if isinstance(body.shape, Points):
+            try:
+                read_points(body.shape.file, scene.dimension)
+            except PointFileError as error:
+                yield Problem(("bodies", k, "shape", "file"), str(error))
+
+
+def _size_problem(lattice: Lattice) -> str | None:
+    if isinstance(lattice.body.shape, Points):
+        if max(np.abs(lattice.lower).max(), np.abs(lattice.upper).max()) > MAX_LENGTH:
+            return f"the file has a coordinate beyond {MAX_LENGTH:g} m"
+        return "the file has two points closer than half a spacing" if _has_close_rows(lattice) else None
+    for axis, side in zip("xyz", lattice.upper - lattice.lower, strict=False):
+        if side < 0.999 * lattice.spacing:
+            return f"is {side:.3g} m long along {axis}, less than one spacing ({lattice.spacing:g} m)"
+    if lattice.size <= MAX_SITES and not any(len(ids) for ids, *_ in lattice.chunks()):
+        return f"contains no point: it is thinner than the spacing ({lattice.spacing:g} m)"
+    return None
+
+
+def _has_close_rows(lattice: Lattice) -> bool:
+    positions = lattice.sites(0, lattice.size)[1]
+    return close_pair(positions, positions, 0.5 * lattice.spacing, same=True) is not None
+
+
+def find_overlap(first: Lattice, second: Lattice) -> np.ndarray | None:
+    """A place (d,) m where two bodies have points closer than half a spacing, or None.
+
+    Looks only where the bodies' boxes meet, slab by slab.
+    """
+    h = first.spacing
+    margin = (1.0 + first.body.jitter + second.body.jitter) * h
+    lower, upper = (
+        np.maximum(first.lower, second.lower) - margin,
+        np.minimum(first.upper, second.upper) + margin,
+    )
+    if (lower >= upper).any():
+        return None
+    for low, high in _slabs(first, lower, upper):
+        a = first.sites_within(low, high)[1]
+        b = second.sites_within(low - margin, high + margin)[1]
+        place = close_pair(a, b, 0.5 * h)
+        if place is not None:
+            return place
+    return None
+
+
+def _slabs(lattice: Lattice, lower: np.ndarray, upper: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """The box from `lower` to `upper` in slabs along x that hold about CHUNK sites of `lattice` each."""
+    layer = math.prod(lattice.counts[1:])
+    count = max(1, math.ceil((upper[0] - lower[0]) / lattice.spacing / max(1, CHUNK // layer)))
+    if isinstance(lattice.body.shape, Points):
+        count = 1
+    edges = np.linspace(lower[0], upper[0], count + 1)
+    for start, stop in zip(edges, edges[1:], strict=False):
+        yield np.array([start, *lower[1:]]), np.array([stop, *upper[1:]])
+
+
+def close_pair(a: np.ndarray, b: np.ndarray, radius: float, same: bool = False) -> np.ndarray | None:
+    """A row (d,) of `a` (n, d) that has a row of `b` (m, d) closer than `radius`, or None.
+
+    With `same`, `a` and `b` are the same rows, and a row is not compared with itself.
+    """
+    if not len(a) or not len(b):
+        return None
+    origin = np.minimum(a.min(axis=0), b.min(axis=0)) - 1.5 * radius
+    cells_a, cells_b = (np.floor((x - origin) / radius).astype(np.int64) for x in (a, b))
+    counts = np.maximum(cells_a.max(axis=0), cells_b.max(axis=0)) + 2
+    keys = _linear(cells_b, counts)  # may wrap around: cells then share a key, which costs time, not pairs
+    order = np.argsort(keys, kind="stable")
+    keys = keys[order]
+    limit = radius * (1.0 - 1e-9)
+    for shift in np.ndindex(*(3,) * a.shape[1]):
+        wanted = _linear(cells_a + np.array(shift) - 1, counts)
+        at, end = np.searchsorted(keys, wanted, "left"), np.searchsorted(keys, wanted, "right")
+        rows = np.flatnonzero(at < end)
+        while len(rows):
+            others = order[at[rows]]
+            close = np.sum((a[rows] - b[others]) ** 2, axis=1) < limit**2
+            if same:
+                close &= rows != others
+            if close.any():
+                return a[rows[np.argmax(close)]]
+            at[rows] += 1
+            rows = rows[at[rows] < end[rows]]
+    return None
+
+
+def _linear(cells: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    index = cells[:, 0]
+    for axis in range(1, cells.shape[1]):
+        index = index * counts[axis] + cells[:, axis]
+    return index

@@ -1,0 +1,1 @@
+"""Reading scenes: YAML with its lines, and checks of the whole."""

@@ -1,0 +1,199 @@
+"""What no single key can tell: parameters fit their laws, names exist, vectors suit the dimension."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from pydantic import BaseModel
+
+from periporo.errors import Path, Problem, choice
+from periporo.io.geometry.checks import geometry_problems
+from periporo.io.schema.base import MotionComponents, Region, SceneModel
+from periporo.io.schema.bodies import Body, Polygon, StressComponents
+from periporo.io.schema.contacts import Boundary, Traction
+from periporo.io.schema.errors import model_problems
+from periporo.materials import registry
+
+if TYPE_CHECKING:
+    from periporo.io.schema.scene import SceneInput
+
+_ONLY_IN_2D = ("disc", "polyline")
+_ONLY_IN_3D = ("cylinder", "sphere")
+
+
+def material_problems(data: Any) -> list[Problem]:
+    """What the laws that a scene's raw `data` name find wrong with their parameters."""
+    materials = data.get("materials") if isinstance(data, dict) else None
+    problems = []
+    for name, entry in materials.items() if isinstance(materials, dict) else ():
+        if isinstance(entry, dict) and isinstance(entry.get("model"), str):
+            problems += _law_problems(("materials", name), dict(entry))
+    return problems
+
+
+def _law_problems(path: Path, parameters: dict[str, Any]) -> list[Problem]:
+    model = parameters.pop("model")
+    try:
+        law = registry.load(model)
+    except KeyError:
+        message = (
+            f"no material model of this name is installed; {choice(model, sorted(registry.available()))}"
+        )
+        return [Problem((*path, "model"), message)]
+    except ImportError as error:
+        return [Problem((*path, "model"), f"the material model '{model}' cannot be imported: {error}")]
+    if isinstance(law, type) and issubclass(law, BaseModel):
+        return [Problem((*path, *p.path), p.message) for p in model_problems(law, parameters)]
+    try:
+        law(**parameters)
+    except (TypeError, ValueError) as error:
+        return [Problem(path, f"the material model '{model}' refuses its parameters: {error}")]
+    return []
+
+
+def scene_problems(scene: "SceneInput") -> list[Problem]:
+    """Contradictions within a scene whose parts are valid each for itself."""
+    problems = [*_dimension_problems(scene), *_order_problems(scene), *_name_problems(scene)]
+    problems += [*_gravity_problems(scene), *_motion_problems(scene), *_water_problems(scene)]
+    return problems or list(geometry_problems(scene))
+
+
+def _parts(value: Any, path: Path = ()) -> Iterator[tuple[Path, SceneModel]]:
+    """Every model within a scene, with its path."""
+    if isinstance(value, SceneModel):
+        yield path, value
+        for name in type(value).model_fields:
+            yield from _parts(getattr(value, name), (*path, name))
+    elif isinstance(value, dict):
+        for name, entry in value.items():
+            yield from _parts(entry, (*path, name))
+    elif isinstance(value, tuple) and value and not isinstance(value[0], float):
+        for index, entry in enumerate(value):
+            yield from _parts(entry, (*path, index))
+
+
+def _dimension_problems(scene: "SceneInput") -> Iterator[Problem]:
+    d = scene.dimension
+    for path, part in _parts(scene):
+        for name, info in type(part).model_fields.items():
+            value = getattr(part, name)
+            if (info.json_schema_extra or {}).get("vector") and value is not None and len(value) != d:
+                yield Problem(
+                    (*path, name), f"must have {d} components (the scene's dimension), not {len(value)}"
+                )
+        kind = getattr(part, "type", None)
+        if kind in (_ONLY_IN_3D if d == 2 else _ONLY_IN_2D):
+            yield Problem((*path, "type"), f"a {kind} exists only in {5 - d} dimensions, the scene has {d}")
+        if isinstance(part, Polygon) and (part.extrude is None) == (d == 3):
+            rule = (
+                "needs 'extrude: [z0, z1]' in 3 dimensions"
+                if d == 3
+                else "must not have 'extrude' in 2 dimensions"
+            )
+            yield Problem(path, f"a polygon {rule}")
+        if d == 2:
+            yield from _out_of_plane(path, part)
+    for k, point in enumerate(scene.monitor.points):
+        if len(point) != d:
+            yield Problem(("monitor", "points", k), f"must have {d} components (the scene's dimension)")
+
+
+def _out_of_plane(path: Path, part: SceneModel) -> Iterator[Problem]:
+    """Entries along z in a plane scene."""
+    message = "there is no z direction in 2 dimensions"
+    if isinstance(part, Boundary) and part.fix and "z" in part.fix:
+        yield Problem((*path, "fix"), message)
+    if isinstance(part, MotionComponents) and part.z is not None:
+        yield Problem((*path, "z"), message)
+    if isinstance(part, Traction) and part.side[0] == "z":
+        yield Problem((*path, "side"), message)
+    if isinstance(part, StressComponents):
+        for name in ("yz", "xz"):
+            if getattr(part, name):
+                yield Problem((*path, name), f"must be zero in 2 dimensions, not {getattr(part, name):g}")
+
+
+def _order_problems(scene: "SceneInput") -> Iterator[Problem]:
+    """Lower corners that are not below the upper ones."""
+    for path, part in _parts(scene):
+        lower, upper = getattr(part, "lower", None) or (), getattr(part, "upper", None) or ()
+        for axis, low, high in zip("xyz", lower, upper, strict=False):
+            if low is None or high is None or low < high or (isinstance(part, Region) and low == high):
+                continue
+            yield Problem((*path, "upper"), f"along {axis} it must exceed 'lower' ({low:g}), not be {high:g}")
+        if isinstance(part, Polygon) and part.extrude and part.extrude[0] >= part.extrude[1]:
+            yield Problem((*path, "extrude"), "the second value must exceed the first")
+
+
+def _name_problems(scene: "SceneInput") -> Iterator[Problem]:
+    """Names that are given twice, and references to what does not exist."""
+    bodies, stages = [b.name for b in scene.bodies], [s.name for s in scene.stages]
+    for key, names in (("bodies", bodies), ("stages", stages)):
+        for k, name in enumerate(names):
+            if name in names[:k]:
+                yield Problem(
+                    (key, k, "name"), f"the name '{name}' stands in {key} twice; each needs its own"
+                )
+    for path, name, kind, known in _references(scene, bodies, stages):
+        if name not in known:
+            yield Problem(path, f"there is no {kind} '{name}'; {choice(name, list(known))}")
+    for k, contact in enumerate(scene.contacts):
+        if contact.type == "bodies" and contact.first == contact.second:
+            yield Problem(("contacts", k, "second"), "must be another body than 'first'")
+
+
+def _references(scene: "SceneInput", bodies: list[str], stages: list[str]) -> Iterator[tuple]:
+    """(path, name, kind, known names) of every reference by name."""
+    for k, body in enumerate(scene.bodies):
+        yield ("bodies", k, "material"), body.material, "material", scene.materials
+        for n, layer in enumerate(body.layers):
+            yield ("bodies", k, "layers", n, "material"), layer.material, "material", scene.materials
+    for name, boundary in scene.boundaries.items():
+        if boundary.where.body is not None:
+            yield ("boundaries", name, "where", "body"), boundary.where.body, "body", bodies
+    for k, stage in enumerate(scene.stages):
+        for n, name in enumerate(stage.boundaries):
+            yield ("stages", k, "boundaries", n), name, "boundary condition", scene.boundaries
+    for k, contact in enumerate(scene.contacts):
+        for n, name in enumerate(contact.stages or ()):
+            yield ("contacts", k, "stages", n), name, "stage", stages
+        if contact.type == "bodies":
+            yield ("contacts", k, "first"), contact.first, "body", bodies
+            yield ("contacts", k, "second"), contact.second, "body", bodies
+
+
+def _gravity_problems(scene: "SceneInput") -> Iterator[Problem]:
+    """What needs a direction of gravity in a scene without one."""
+    if any(scene.gravity or ()):
+        return
+    for path, part in _parts(scene):
+        if getattr(part, "type", None) == "geostatic":
+            yield Problem(
+                (*path, "type"), "geostatic stress needs gravity; give 'gravity' or a uniform stress"
+            )
+        if isinstance(part, Body) and part.layers:
+            yield Problem(
+                (*path, "layers"), "layers need gravity, which says where 'above' is; give 'gravity'"
+            )
+
+
+def _motion_problems(scene: "SceneInput") -> Iterator[Problem]:
+    """Displacements that would make points jump."""
+    for name, boundary in scene.boundaries.items():
+        for axis in "xyz" if boundary.displacement else "":
+            history = getattr(boundary.displacement, axis)
+            if history is not None and history.values[0] != 0.0:
+                path = ("boundaries", name, "displacement", axis)
+                message = f"must start from 0, or points would jump by {history.values[0]:g} m at once; "
+                yield Problem(path, message + "give {times: [..], values: [0, ..]}")
+
+
+def _water_problems(scene: "SceneInput") -> Iterator[Problem]:
+    """Pore water in a scene with a law that has its own."""
+    if scene.pore_water is None:
+        return
+    for name, material in scene.materials.items():
+        if getattr(registry.load(material.model), "owns_pore_pressure", False):
+            message = (
+                f"'{material.model}' has its own pore pressure; remove 'pore_water' or choose another model"
+            )
+            yield Problem(("materials", name, "model"), message)

@@ -1,0 +1,1 @@
+"""Pictures, movies and the report page of a result file."""

@@ -1,0 +1,241 @@
+"""Drawing of soil points: what a picture and a movie of a run have in common."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from periporo.core.numerics import tensors
+from periporo.io.output.results import ResultError
+
+DEFAULT_FIELD = "equivalent_shear_strain"
+STYLE = {"font.size": 10, "axes.titlesize": 11, "axes.labelsize": 10, "legend.frameon": False,
+         "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "0.35",
+         "xtick.color": "0.35", "ytick.color": "0.35", "axes.labelcolor": "0.2", "savefig.dpi": 160,
+         "axes.grid": False, "grid.color": "0.9", "lines.linewidth": 1.5}
+_AXES = "xyz"
+_COLOURS = "viridis"
+
+
+def require_matplotlib():
+    """The package matplotlib, which is optional; ImportError with what to do if it is missing."""
+    try:
+        import matplotlib
+    except ImportError:
+        raise ImportError("pictures need matplotlib: pip install 'periporo[plot]'") from None
+    return matplotlib
+
+
+def point_spacing(results):
+    """Spacing of the points (m): as configured, or the median distance to the nearest neighbour at first."""
+    spacing = results.configuration.get("spacing")
+    if isinstance(spacing, (int, float)):
+        return float(spacing)
+    position = results.positions(0)
+    if len(position) < 2:
+        return 1.0
+    sample = position[:: max(1, len(position) // 50)]
+    squared = [np.partition(np.sum((position - x) ** 2, axis=1), 1)[1] for x in sample]
+    return float(np.sqrt(np.median(squared)))
+
+
+def vertical_axis(results):
+    """Index of the axis along which gravity acts; without gravity y in two dimensions, z in three."""
+    gravity = results.configuration.get("gravity")
+    if isinstance(gravity, list) and len(gravity) == results.dimension and any(gravity):
+        return int(np.argmax(np.abs(gravity)))
+    return results.dimension - 1
+
+
+def choose_field(results, name=None):
+    """The field to colour by: `name`, or equivalent shear strain, or displacement if the file lacks that."""
+    if name is not None:
+        return name
+    return DEFAULT_FIELD if DEFAULT_FIELD in results.fields else "displacement"
+
+
+def colour_values(results, name, step=-1):
+    """Values (n,) to colour points by, and their label.
+
+    name: a field, 'field.component', or 'displacement'. Vectors give their magnitude, symmetric tensors
+    q = sqrt(3/2) |s| for a stress and the norm sqrt(2/3) |e| for a strain, s and e being the deviators.
+    """
+    base, _, component = name.partition(".")
+    if base == "displacement" and base not in results.fields:
+        rows, components, unit = _displacement(results, step), tuple(_AXES), "m"
+    else:
+        rows, components, unit = results.field(base, step), results.components(base), results.unit(base)
+    if component:
+        if component not in components:
+            raise ResultError(f"field {base!r} has no component {component!r}; "
+                              f"there are: {', '.join(components) or 'none, it is a number'}")
+        values, label = rows[:, components.index(component)], f"{base} {component}"
+    elif len(components) == 6:
+        strain = "strain" in base
+        values = tensors.deviator_norm(rows) * np.sqrt(2 / 3 if strain else 3 / 2)
+        label = f"equivalent {base}" if strain else f"equivalent shear {base}"
+    elif len(components) == 3:
+        values, label = np.linalg.norm(rows, axis=1), f"{base} magnitude"
+    else:
+        values, label = rows, base
+    return values, f"{label.replace('_', ' ')}{f' [{unit}]' if unit and unit not in ('-', '1') else ''}"
+
+
+def _displacement(results, step):
+    """Displacement (n, 3) since the first output; NaN for points that were not there."""
+    first, ids = results.ids(0), results.ids(step)
+    rows = np.full((len(ids), 3), np.nan)
+    _, now, then = np.intersect1d(ids, first, assume_unique=True, return_indices=True)
+    rows[now] = results.positions(step)[now] - results.positions(0)[then]
+    return rows
+
+
+def colour_limits(values):
+    """Lower and upper end of the colour scale: all but the outermost percent, so that no outlier rules it."""
+    finite = values[np.isfinite(values)]
+    if not finite.any():
+        return 0.0, 1.0
+    low, high = np.percentile(finite, (1, 99))
+    low = 0.0 if 0 <= low < 0.25 * high else low
+    return (low, high) if high > low else (low - 0.5, low + 0.5)
+
+
+@dataclass
+class View:
+    """An orthographic view: axis across, axis up, and the axis that points towards the viewer times sign."""
+
+    across: int
+    up: int
+    towards: int | None = None
+    sign: float = 1.0
+    name: str = ""
+
+    def nearest_last(self, position):
+        """Order of drawing: the points next to the viewer come last and hide those behind."""
+        if self.towards is None:
+            return np.arange(len(position))
+        return np.argsort(self.sign * position[:, self.towards], kind="stable")
+
+
+def views(results):
+    """The views to draw: one in two dimensions, front and top in three."""
+    up = vertical_axis(results)
+    if results.dimension == 2:
+        return [View(1 - up, up)]
+    across = 0 if up != 0 else 1
+    behind = 3 - up - across
+    # Looking along +behind from the front, the front-most point has the smallest coordinate.
+    return [View(across, up, behind, -1.0, "front"), View(across, behind, up, 1.0, "top")]
+
+
+class PointPicture:
+    """A figure of the points of one output; `show` draws another output into the same figure."""
+
+    def __init__(self, results, field=None, *, extent=None, limits=None):
+        """extent (2, 3) m: lower and upper corner to show; limits: ends of the colour scale."""
+        from matplotlib.figure import Figure
+
+        self.results = results
+        self.field = choose_field(results, field)
+        self.spacing = point_spacing(results)
+        self.views = views(results)
+        self.extent = extent_of(results, (0, -1)) if extent is None else extent
+        self.limits = limits
+        self.figure, self.axes, self._bar = self._lay_out(Figure)
+        self.points = [self._prepare(axes, view) for axes, view in zip(self.axes, self.views, strict=True)]
+        self.colour_bar = None
+
+    def show(self, step):
+        """Draw output `step`."""
+        results = self.results
+        step = results.output(step)
+        position = results.positions(step)
+        values, label = colour_values(results, self.field, step)
+        limits = self.limits or colour_limits(values)
+        for view, points in zip(self.views, self.points, strict=True):
+            order = view.nearest_last(position)
+            points.set_offsets(position[order][:, [view.across, view.up]])
+            points.set_array(np.ma.masked_invalid(values[order]))
+            points.set_clim(*limits)
+        if self.colour_bar is None:
+            self._add_colour_bar(label, values)
+        self.axes[0].set_title(f"t = {results.times[step]:.4g} s", loc="left", color="0.2")
+        outside = np.sum(np.any((position < self.extent[0]) | (position > self.extent[1]), axis=1))
+        count = f"{len(position):,} points" + (f", {outside} outside the picture" if outside else "")
+        self.axes[0].set_title(count, loc="right", color="0.5", fontsize=9)
+
+    def _lay_out(self, new_figure):
+        """Figure, axes of the views, all to one scale, and axes of the colour bar below; in inches."""
+        size = self.extent[1] - self.extent[0]
+        margin = max(2 * self.spacing, 0.02 * size.max())
+        size = size + 2 * margin
+        across = size[self.views[0].across]
+        ups = [size[view.up] for view in self.views]
+        self._scale = scale = min(8.0 / across, 8.0 / sum(ups))
+        width, height = max(scale * across, 3.5) + 1.1, scale * sum(ups) + 0.65 * len(ups) + 1.2
+        figure = new_figure(figsize=(width, height))
+        left, bottom, axes = 0.5 * (width - scale * across) + 0.3, height - 0.4, []
+        for view, up in zip(self.views, ups, strict=True):
+            bottom -= scale * up
+            box = (left / width, bottom / height, scale * across / width, scale * up / height)
+            frame = figure.add_axes(box)
+            frame.set_xlim(self.extent[0, view.across] - margin, self.extent[1, view.across] + margin)
+            frame.set_ylim(self.extent[0, view.up] - margin, self.extent[1, view.up] + margin)
+            name = f"   ({view.name} view)" if view.name else ""
+            frame.set(xlabel=f"{_AXES[view.across]} [m]{name}", ylabel=f"{_AXES[view.up]} [m]")
+            axes.append(frame)
+            bottom -= 0.65
+        return figure, axes, figure.add_axes((0.15, 0.5 / height, 0.7, 0.15 / height))
+
+    def _prepare(self, axes, view):
+        from matplotlib.collections import EllipseCollection, LineCollection
+
+        first = self.results.positions(0)
+        outline = outline_segments(first[:, [view.across, view.up]], self.spacing)
+        axes.add_collection(LineCollection(outline, colors="0.55", linewidths=1.1, zorder=3))
+        # As large as its share: a disc of area spacing^2, a ball of volume spacing^3.
+        diameter = self.spacing * (2 / np.sqrt(np.pi) if view.towards is None else np.cbrt(6 / np.pi))
+        points = EllipseCollection([diameter], [diameter], [0.0], units="xy", offsets=np.empty((0, 2)),
+                                   offset_transform=axes.transData, cmap=_COLOURS, linewidths=0, zorder=2)
+        if view.towards is not None:
+            rim = min(0.3, 0.03 * 72 * self._scale * diameter)  # points (1/72 inch)
+            points.set(edgecolors=(0, 0, 0, 0.35), linewidths=rim)
+        axes.add_collection(points)
+        return points
+
+    def _add_colour_bar(self, label, values):
+        low, high = self.points[0].get_clim()
+        below, above = np.nanmin(values) < low, np.nanmax(values) > high
+        ends = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}
+        self.colour_bar = self.figure.colorbar(self.points[0], cax=self._bar, orientation="horizontal",
+                                               extend=ends[bool(below), bool(above)])
+        self.colour_bar.set_label(label)
+        self.colour_bar.outline.set_visible(False)
+
+
+def extent_of(results, outputs):
+    """Lower and upper corner (2, 3) m of the points at these outputs, apart from a few that flew far off."""
+    corners = []
+    for k in outputs:
+        position = results.positions(k)
+        low, high = position.min(axis=0), position.max(axis=0)
+        inner = np.quantile(position, (0.01, 0.99), axis=0)
+        room = np.max(inner[1] - inner[0])  # who is farther off would make the rest too small to see
+        corners += [np.maximum(low, inner[0] - room), np.minimum(high, inner[1] + room)]
+    return np.array([np.min(corners, axis=0), np.max(corners, axis=0)])
+
+
+def outline_segments(points, spacing):
+    """Outline (m, 2, 2) of the area that points (n, 2) cover: the outer edges of the cells they stand in."""
+    low = points.min(axis=0) - 0.5 * spacing
+    cells = np.floor((points - low) / spacing + 1e-6).astype(int) + 1
+    covered = np.zeros(cells.max(axis=0) + 2, dtype=bool)
+    covered[cells[:, 0], cells[:, 1]] = True
+    segments = []
+    for axis in (0, 1):
+        edges = np.argwhere(np.diff(covered, axis=axis)).astype(float)
+        start = edges.copy()
+        start[:, axis] += 1  # the edge between two cells along `axis`, seen from cell 1 being at 0
+        end = start.copy()
+        end[:, 1 - axis] += 1
+        segments.append(np.stack([start, end], axis=1) - 1)
+    return low + spacing * np.concatenate(segments)

@@ -1,0 +1,1 @@
+"""What a scene may say: keys, units, bounds, and errors in words."""

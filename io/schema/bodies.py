@@ -1,0 +1,177 @@
+"""Input models of materials, shapes, bodies and the stress that they start with."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, model_validator
+
+from periporo.io.schema.base import (
+    MAX_LENGTH,
+    Axis,
+    Coordinate,
+    FileName,
+    Name,
+    Position,
+    Pressure,
+    Real,
+    SceneModel,
+    Velocity,
+    key,
+)
+from periporo.materials import registry
+
+
+def _existing_file(name: Any, info: ValidationInfo) -> Any:
+    """The absolute path of a file that a scene names relative to its own folder."""
+    if not isinstance(name, str) or not name.isprintable() or not name:
+        return name  # for the next validator to refuse
+    path = Path((info.context or {}).get("folder", "."), name)
+    try:
+        found = path.is_file()
+    except OSError as error:
+        raise ValueError(f"the file cannot be read: {error.strerror}") from None
+    if not found:
+        raise ValueError(f"there is no regular file {path}")
+    return str(path.resolve())
+
+
+ExistingFile = Annotated[FileName, Field(max_length=4096), BeforeValidator(_existing_file)]
+
+
+class MaterialInput(SceneModel):
+    """A constitutive law by name and its parameters, which the law itself validates."""
+
+    model_config = ConfigDict(extra="allow")
+
+    model: Name = key("name of an installed law, such as elastic")
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The law's own keys."""
+        return dict(self.model_extra)
+
+    def create(self):
+        """The material object."""
+        return registry.load(self.model)(**self.parameters)
+
+
+class Box(SceneModel):
+    """Rectangle or cuboid along the axes."""
+
+    type: Literal["box"] = key("shape")
+    lower: Position = key("lower corner", "m", vector=True)
+    upper: Position = key("upper corner", "m", vector=True)
+
+
+class Disc(SceneModel):
+    """Disc (2D)."""
+
+    type: Literal["disc"] = key("shape")
+    center: Position = key("centre", "m", vector=True)
+    radius: Real = key("radius", "m", gt=0, le=MAX_LENGTH)
+
+
+class Cylinder(SceneModel):
+    """Circular cylinder along an axis (3D)."""
+
+    type: Literal["cylinder"] = key("shape")
+    base: Position = key("centre of the end face with the lowest coordinate", "m", vector=True)
+    axis: Axis = key("direction of the cylinder's axis")
+    radius: Real = key("radius", "m", gt=0, le=MAX_LENGTH)
+    height: Real = key("length along the axis", "m", gt=0, le=MAX_LENGTH)
+
+
+class Sphere(SceneModel):
+    """Sphere (3D)."""
+
+    type: Literal["sphere"] = key("shape")
+    center: Position = key("centre", "m", vector=True)
+    radius: Real = key("radius", "m", gt=0, le=MAX_LENGTH)
+
+
+PlanePoint = tuple[Coordinate, Coordinate]
+
+
+class Polygon(SceneModel):
+    """Inside of a closed polygon in the x-y plane by the even-odd rule; in 3D extruded along z."""
+
+    type: Literal["polygon"] = key("shape")
+    vertices: tuple[PlanePoint, ...] = key("corners [x, y] in order", "m", min_length=3, max_length=10_000)
+    extrude: PlanePoint | None = key("[lowest, highest] z, in 3D only", "m", default=None)
+
+    @model_validator(mode="after")
+    def _has_an_inside(self):
+        (x0, y0), *others = self.vertices
+        x1, y1 = max(others, key=lambda v: abs(v[0] - x0) + abs(v[1] - y0))
+        size = abs(x1 - x0) + abs(y1 - y0)
+        if all(abs((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0)) <= 1e-12 * size**2 for x, y in others):
+            raise ValueError("the vertices lie on one line; a polygon needs an inside")
+        return self
+
+
+class Points(SceneModel):
+    """Points from a file: CSV headed x,y[,z][,volume], or .vtk, .vtu, .vtp (needs the vtk package)."""
+
+    type: Literal["points"] = key("shape")
+    file: ExistingFile = key("file name, relative to the scene's folder")
+
+
+Shape = Annotated[Box | Disc | Cylinder | Sphere | Polygon | Points, Field(discriminator="type")]
+
+
+class Layer(SceneModel):
+    """The material above a level, up to the next layer."""
+
+    above: Coordinate = key("level along the direction opposite to gravity", "m")
+    material: Name = key("name of the material")
+
+
+class Body(SceneModel):
+    """A shape filled with points of a material, or of several in layers."""
+
+    name: Name = key("name of the body")
+    material: Name = key("name of its material; below the layers, if there are any")
+    shape: Shape = key("the region that it fills")
+    velocity: Velocity | None = key("initial velocity, default zero", "m/s", default=None, vector=True)
+    jitter: Real = key(
+        "largest random shift of a point along each axis", "spacings", default=0.0, ge=0, le=0.3
+    )
+    layers: tuple[Layer, ...] = key("other materials by level, ascending", default=(), max_length=1000)
+
+    @model_validator(mode="after")
+    def _layers_ascend(self):
+        for lower, upper in zip(self.layers, self.layers[1:], strict=False):
+            if upper.above <= lower.above:
+                raise ValueError(f"layers must ascend, but 'above: {upper.above}' follows {lower.above}")
+        return self
+
+
+class GeostaticStress(SceneModel):
+    """Stress from the weight above; horizontal stress is K0 times the vertical one."""
+
+    type: Literal["geostatic"] = key("kind of initial stress")
+    K0: Real = key("horizontal over vertical stress", "1", default=0.5, ge=0, le=10)
+    surface: Coordinate | None = key(
+        "level of the free surface against gravity; default: the top of each body", "m", default=None
+    )
+
+
+class StressComponents(SceneModel):
+    """Components of a symmetric tensor, tension positive; zero where not given."""
+
+    xx: Pressure = key("component xx", "Pa", default=0.0)
+    yy: Pressure = key("component yy", "Pa", default=0.0)
+    zz: Pressure = key("component zz", "Pa", default=0.0)
+    xy: Pressure = key("component xy", "Pa", default=0.0)
+    yz: Pressure = key("component yz, in 3D only", "Pa", default=0.0)
+    xz: Pressure = key("component xz, in 3D only", "Pa", default=0.0)
+
+
+class UniformStress(SceneModel):
+    """The same effective stress everywhere."""
+
+    type: Literal["uniform"] = key("kind of initial stress")
+    components: StressComponents = key("tension positive", "Pa")
+
+
+InitialStress = Annotated[GeostaticStress | UniformStress, Field(discriminator="type")]

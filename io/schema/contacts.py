@@ -1,0 +1,169 @@
+"""Input models of boundary conditions and contacts."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from periporo.io.schema.base import (
+    MAX_LENGTH,
+    Axis,
+    MotionComponents,
+    Name,
+    Position,
+    Real,
+    Region,
+    SceneModel,
+    Stress,
+    Velocity,
+    key,
+)
+from periporo.io.schema.bodies import PlanePoint
+
+MAX_STIFFNESS = 1e20
+
+
+class Traction(SceneModel):
+    """A load on the outermost layer of the selected points."""
+
+    stress: Stress = key("force per area", "Pa", vector=True)
+    side: Literal["x-", "x+", "y-", "y+", "z-", "z+"] = key("the side of the selected points that is loaded")
+
+
+class Boundary(SceneModel):
+    """A boundary condition on the points that `where` selects at the start; exactly one kind."""
+
+    where: Region = key("the points that are concerned")
+    fix: tuple[Axis, ...] | None = key("components that are held", default=None, min_length=1, max_length=3)
+    velocity: MotionComponents | None = key("prescribed velocity", "m/s", default=None)
+    displacement: MotionComponents | None = key("prescribed displacement from zero", "m", default=None)
+    traction: Traction | None = key("a load", default=None)
+
+    @model_validator(mode="after")
+    def _is_one_kind(self):
+        kinds = ("fix", "velocity", "displacement", "traction")
+        given = [kind for kind in kinds if getattr(self, kind) is not None]
+        if len(given) != 1:
+            found = f"found {' and '.join(given)}" if given else "found none"
+            raise ValueError(f"give exactly one of {', '.join(kinds)}; {found}")
+        if self.fix and len(set(self.fix)) < len(self.fix):
+            raise ValueError("a component stands in fix twice")
+        return self
+
+
+class _Contact(SceneModel):
+    """What every contact has."""
+
+    friction: Real = key("Coulomb's coefficient of friction", "1", ge=0, le=10)
+    stiffness: Real | None = key(
+        "normal penalty; default: chosen from the material", "N/m^3", default=None, gt=0, le=MAX_STIFFNESS
+    )
+    damping: Real = key("share of critical damping along the normal", "1", default=0.0, ge=0, le=1)
+    stages: tuple[Name, ...] | None = key(
+        "stages in which it is present; default all", default=None, min_length=1
+    )
+
+
+class _Obstacle(_Contact):
+    """A rigid obstacle that may move."""
+
+    velocity: Velocity | None = key(
+        "velocity of the obstacle, default zero", "m/s", default=None, vector=True
+    )
+
+
+class PlaneContact(_Obstacle):
+    """A rigid half-space; points stay on the side to which the normal points."""
+
+    type: Literal["plane"] = key("kind of contact")
+    point: Position = key("a point of the surface", "m", vector=True)
+    normal: Position = key("direction out of the obstacle, of any length", "1", vector=True)
+
+    @model_validator(mode="after")
+    def _has_a_direction(self):
+        if max(map(abs, self.normal)) < 1e-6:
+            raise ValueError("the normal must not be zero")
+        return self
+
+
+class BoxContact(_Obstacle):
+    """A rigid box; points stay outside."""
+
+    type: Literal["box"] = key("kind of contact")
+    lower: Position = key("lower corner", "m", vector=True)
+    upper: Position = key("upper corner", "m", vector=True)
+
+
+class CylinderContact(_Obstacle):
+    """A rigid circular cylinder along an axis (3D); points stay outside."""
+
+    type: Literal["cylinder"] = key("kind of contact")
+    base: Position = key("centre of the end face with the lowest coordinate", "m", vector=True)
+    axis: Axis = key("direction of the cylinder's axis")
+    radius: Real = key("radius", "m", gt=0, le=MAX_LENGTH)
+    height: Real = key("length along the axis", "m", gt=0, le=MAX_LENGTH)
+
+
+class DiscContact(_Obstacle):
+    """A rigid disc (2D); points stay outside."""
+
+    type: Literal["disc"] = key("kind of contact")
+    center: Position = key("centre", "m", vector=True)
+    radius: Real = key("radius", "m", gt=0, le=MAX_LENGTH)
+
+
+class PolylineContact(_Obstacle):
+    """Rigid ground to the right of a polyline (2D): points stay on its left along its vertices.
+
+    Its first and last segment go on forever, unless the last vertex is the first.
+    """
+
+    type: Literal["polyline"] = key("kind of contact")
+    vertices: tuple[PlanePoint, ...] = key("points [x, y] in order", "m", min_length=2, max_length=10_000)
+
+    @model_validator(mode="after")
+    def _advances(self):
+        for k, (start, end) in enumerate(zip(self.vertices, self.vertices[1:], strict=False)):
+            if start == end:
+                raise ValueError(f"vertices {k} and {k + 1} are the same point; remove one")
+        return self
+
+
+class BodiesContact(_Contact):
+    """Contact between two deformable bodies, which then bond with no other body."""
+
+    type: Literal["bodies"] = key("kind of contact")
+    first: Name = key("name of a body")
+    second: Name = key("name of the other body")
+
+
+class Substrate(SceneModel):
+    """A box of fixed points."""
+
+    lower: Position = key("lower corner", "m", vector=True)
+    upper: Position = key("upper corner", "m", vector=True)
+    spacing: Real = key("distance of its points", "spacings", default=0.25, ge=0.01, le=1)
+
+
+class ShortRangeContact(SceneModel):
+    """The published short-range force against a substrate of points (Menon & Song 2022, eqs 95-96)."""
+
+    type: Literal["short_range_published"] = key("kind of contact")
+    stiffness: Real = key("force constant", "N/m^2", default=4e6, gt=0, le=MAX_STIFFNESS)
+    friction: Real = key("friction of the published force", "1", default=0.25, ge=0, le=10)
+    cutoff: Real = key("distance below which points repel", "spacings", default=0.8, gt=0, le=2)
+    substrate: Substrate = key("the box of fixed points")
+    stages: tuple[Name, ...] | None = key(
+        "stages in which it is present; default all", default=None, min_length=1
+    )
+
+
+Contact = Annotated[
+    PlaneContact
+    | BoxContact
+    | CylinderContact
+    | DiscContact
+    | PolylineContact
+    | BodiesContact
+    | ShortRangeContact,
+    Field(discriminator="type"),
+]

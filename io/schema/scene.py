@@ -1,0 +1,308 @@
+"""The scene: its input model, and reading it from a YAML file or a dictionary."""
+
+from copy import deepcopy
+from functools import cache
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
+
+from periporo.errors import InputError, Problem
+from periporo.io.input.checks import material_problems, scene_problems
+from periporo.io.input.yaml_source import YamlSource, read_yaml
+from periporo.io.schema.base import (
+    Acceleration,
+    FileName,
+    Flag,
+    Integer,
+    Name,
+    Position,
+    Real,
+    SceneModel,
+    Text,
+    key,
+)
+from periporo.io.schema.bodies import Body, ExistingFile, InitialStress, MaterialInput
+from periporo.io.schema.contacts import Boundary, Contact
+from periporo.io.schema.errors import problems_of
+
+_RESULT_SUFFIXES = (".h5", ".hdf5", ".vtkhdf")
+_MAX_NESTING = 40
+
+
+def _inside_the_working_folder(name: str) -> str:
+    path = PurePosixPath(name)
+    if path.is_absolute() or ".." in path.parts or "\\" in name or name.startswith("~"):
+        raise ValueError(
+            f"{name!r} is not relative to the working folder; give a name without '..', '~', '\\'"
+        )
+    if path.suffix not in _RESULT_SUFFIXES:
+        raise ValueError(f"{name!r} must end in one of {', '.join(_RESULT_SUFFIXES)}")
+    return name
+
+
+class Retention(SceneModel):
+    """Water retention: a named set, or three parameters, or a table."""
+
+    set: Literal["menon_song", "fitted"] | None = key("a named set of parameters", default=None)
+    alpha1: Real | None = key("parameter alpha1", "1/kPa", default=None, gt=0, le=1e6)
+    alpha2: Real | None = key("parameter alpha2", "1", default=None, ge=0, le=1e3)
+    alpha3: Real | None = key("parameter alpha3", "1", default=None, gt=1, le=1e3)
+    table: ExistingFile | None = key("CSV file with suction and saturation", default=None)
+
+    @model_validator(mode="after")
+    def _is_one_kind(self):
+        alphas = [self.alpha1, self.alpha2, self.alpha3]
+        some = any(a is not None for a in alphas)
+        if [self.set is not None, some, self.table is not None].count(True) != 1:
+            raise ValueError("give exactly one of: set; alpha1, alpha2 and alpha3; table")
+        if some and any(a is None for a in alphas):
+            raise ValueError("give all of alpha1, alpha2, alpha3")
+        return self
+
+
+class PoreWater(SceneModel):
+    """Water in the pores at constant suction; it flows in and out freely or, frozen, not at all."""
+
+    suction: Real = key("suction", "Pa", ge=0, le=1e9)
+    retention: Retention = key("the retention curve")
+    water_density: Real = key("density of the water", "kg/m^3", default=1000.0, ge=1, le=1e5)
+    frozen: Flag = key("keep saturation and mass of the water as they are at the start", default=False)
+
+
+class RelaxStage(SceneModel):
+    """Quasi-static relaxation to equilibrium."""
+
+    name: Name = key("name of the stage")
+    type: Literal["relax"] = key("kind of stage")
+    tolerance: Real = key(
+        "out-of-balance force over load at which it ends", "1", default=1e-4, ge=1e-14, le=0.1
+    )
+    max_steps: Integer = key("steps after which it is given up", default=200_000, ge=1, le=10**9)
+    boundaries: tuple[Name, ...] = key("boundary conditions in force", default=())
+
+
+class ViscousDamping(SceneModel):
+    """Damping in proportion to mass and velocity."""
+
+    viscous: Real = key("rate at which free motion decays", "1/s", default=0.0, ge=0, le=1e9)
+
+
+class DynamicsStage(SceneModel):
+    """Motion in real time."""
+
+    name: Name = key("name of the stage")
+    type: Literal["dynamics"] = key("kind of stage")
+    duration: Real = key("duration", "s", gt=0, le=1e9)
+    boundaries: tuple[Name, ...] = key("boundary conditions in force", default=())
+    damping: ViscousDamping = key("damping of the motion", default=ViscousDamping())
+    stop_when_at_rest: Real | None = key(
+        "end early when the kinetic energy falls to this fraction of its peak", "1", default=None, gt=0, lt=1
+    )
+
+
+Stage = Annotated[RelaxStage | DynamicsStage, Field(discriminator="type")]
+
+
+SchemeName = Literal["bond_projected", "point_state", "standard", "sub_horizon", "sub_horizon_published"]
+
+
+_SCHEMES_WITH = {  # option -> schemes that have it
+    "self_point": ("sub_horizon_published",), "average_ends": ("sub_horizon_published",),
+    "dilatation": ("bond_projected",), "sharpened": ("point_state",), "balance": ("point_state", "bond_projected"),
+}  # fmt: skip
+
+
+class CorrespondenceInput(SceneModel):
+    """A correspondence scheme with its options."""
+
+    scheme: SchemeName = key("name of the scheme")
+    self_point: Flag | None = key(
+        "count a point in its own horizon (sub_horizon_published, default true)", default=None
+    )
+    average_ends: Flag | None = key(
+        "give both ends of a bond the mean of their gradients (sub_horizon_published, default true)", default=None
+    )
+
+    dilatation: Literal["bond", "points"] | None = key(
+        "whose volume change a bond feels: its own, or, so that soil can flow at constant volume, its points' "
+        "(bond_projected, default bond)",
+        default=None,
+    )
+    sharpened: Flag | None = key(
+        "laws see a gradient that is of fourth order in waves; steps are shorter (point_state, default false)",
+        default=None,
+    )
+
+    balance: Flag | None = key(
+        "tilt gradients so that forces balance in a uniform stress, for displaced points that stay neighbours "
+        "(point_state, bond_projected, default false)",
+        default=None,
+    )
+
+    @model_validator(mode="after")
+    def _has_the_options(self):
+        for option in self.options():
+            schemes = _SCHEMES_WITH[option]
+            if self.scheme not in schemes:
+                choice = " or ".join(schemes)
+                raise ValueError(f"'{self.scheme}' has no option {option}; leave it out, or choose {choice}")
+        if self.balance and self.dilatation == "points":
+            raise ValueError("balance needs bonds with a volume change of their own; leave out dilatation, or balance")
+        return self
+
+    def options(self) -> dict[str, bool | str]:
+        """The options that were given, by name."""
+        return {name: getattr(self, name) for name in _SCHEMES_WITH if getattr(self, name) is not None}
+
+
+def _name_as_scheme(value: Any) -> Any:
+    return {"scheme": value} if isinstance(value, str) else value
+
+
+Correspondence = Annotated[
+    CorrespondenceInput, BeforeValidator(_name_as_scheme, json_schema_input_type=SchemeName | CorrespondenceInput)
+]
+
+
+class TimeStep(SceneModel):
+    """How the time step is chosen."""
+
+    safety: Real = key("share of the stability bound", "1", default=0.8, gt=0, le=1)
+    fixed: Real | None = key(
+        "a constant step in place of the bound's share", "s", default=None, ge=1e-15, le=1e3
+    )
+    update: Integer = key("steps between updates of the bound", "steps", default=20, ge=1, le=10_000)
+
+
+class Output(SceneModel):
+    """What is written, and how often."""
+
+    interval: Real | None = key(
+        "time between outputs; default: a fiftieth of each stage", "s", default=None, gt=0, le=1e9
+    )
+    file: Annotated[FileName, AfterValidator(_inside_the_working_folder)] | None = key(
+        "name of the result file in the working folder; default: the scene's name", default=None
+    )
+    fields: tuple[Name, ...] | None = key(
+        "fields to write, see the page on results; default: the usual ones", default=None, max_length=100
+    )
+    history_interval: Integer = key("steps between entries of histories", "steps", default=10, ge=1, le=10**6)
+
+
+class Checkpoint(SceneModel):
+    """Checkpoints, from which an interrupted run resumes."""
+
+    interval: Real = key("wall time between checkpoints", "s", default=600.0, gt=0, le=1e7)
+    keep: Integer = key("checkpoints that are kept", default=2, ge=1, le=1000)
+
+
+class Monitor(SceneModel):
+    """What is watched during the run."""
+
+    points: tuple[Position, ...] = key(
+        "places; displacement and velocity of the point nearest to each at the start are recorded as histories",
+        "m",
+        default=(),
+        max_length=1000,
+    )
+    energy_tolerance: Real = key(
+        "energy error over work done that stops the run", "1", default=0.01, gt=0, le=1
+    )
+
+
+class SceneInput(SceneModel):
+    """A complete scene in SI units, made and checked as a whole by `load_scene` or `parse_scene`."""
+
+    title: Text | None = key("what the scene shows", default=None)
+    dimension: Literal[2, 3] = key("dimensions of space, 2 is plane strain")
+    spacing: Real = key("distance of the points", "m", ge=1e-6, le=1e4)
+    horizon: Real = key("radius within which points interact", "spacings", default=2.2, ge=1.5, le=6)
+    influence: Literal["cubic", "conical", "gaussian", "constant"] = key("weight of a bond", default="cubic")
+    correspondence: Correspondence = key(
+        "scheme that turns bonds into deformation and stress into force: its name, or {scheme, options}",
+        default=CorrespondenceInput(scheme="point_state", sharpened=True),
+    )
+    materials: dict[Name, MaterialInput] = key("materials by name", min_length=1, max_length=1000)
+    bodies: tuple[Body, ...] = key("what the scene consists of", min_length=1, max_length=1000)
+    seed: Integer = key("start of all random numbers", default=0, ge=0, lt=2**63)
+    gravity: Acceleration | None = key("acceleration, default zero", "m/s^2", default=None, vector=True)
+    initial_stress: InitialStress | None = key("stress at the start, default none", default=None)
+    boundaries: dict[Name, Boundary] = key("boundary conditions by name, for use in stages", default={})
+    contacts: tuple[Contact, ...] = key("what bodies may touch", default=(), max_length=1000)
+    pore_water: PoreWater | None = key("water in the pores, default dry", default=None)
+    stages: tuple[Stage, ...] = key("what happens, one after the other", min_length=1, max_length=1000)
+    time_step: TimeStep = key("choice of the time step", default=TimeStep())
+    output: Output = key("results", default=Output())
+    checkpoint: Checkpoint | None = key("checkpoints, default none", default=None)
+    monitor: Monitor = key("what is watched", default=Monitor())
+
+    def vector(self, entry: tuple[float, ...] | None) -> np.ndarray:
+        """A vector entry of the scene as an array (dimension,), zero if it was not given."""
+        return np.zeros(self.dimension) if entry is None else np.array(entry, dtype=float)
+
+
+def load_scene(path: str | Path) -> SceneInput:
+    """Read and check the scene in the YAML file `path`. Raises InputError with all problems found."""
+    source = read_yaml(path)
+    return _checked(source.data, Path(path).resolve().parent, source)
+
+
+def parse_scene(data: dict[str, Any], folder: str | Path = ".") -> SceneInput:
+    """Check a scene given as a dictionary; arrays are welcome, file names are relative to `folder`.
+
+    Raises InputError with all problems found.
+    """
+    return _checked(_plain(data), Path(folder), None)
+
+
+def _checked(data: Any, folder: Path, source: YamlSource | None) -> SceneInput:
+    scene = None
+    problems = list(source.problems) if source else []
+    problems += material_problems(data)
+    try:
+        scene = SceneInput.model_validate(data, context={"folder": folder})
+    except ValidationError as error:
+        problems += problems_of(error, _cached_schema(), data)
+    if scene is not None and not problems:
+        problems += scene_problems(scene)
+    if problems:
+        name = source.name if source else "scene"
+        raise InputError(name, [_with_line(problem, source) for problem in problems])
+    return scene
+
+
+def located(error: InputError, path: str | Path) -> InputError:
+    """The problems that were found in the scene of the YAML file `path`, with that name and its lines."""
+    source = read_yaml(path)
+    return InputError(source.name, [_with_line(problem, source) for problem in error.problems])
+
+
+def _with_line(problem: Problem, source: YamlSource | None) -> Problem:
+    if source is None or problem.line is not None:
+        return problem
+    return Problem(problem.path, problem.message, source.line(problem.path))
+
+
+def _plain(value: Any, depth: int = 0) -> Any:
+    """Arrays and NumPy numbers as lists and numbers, throughout a nest of dictionaries and lists."""
+    if depth > _MAX_NESTING:
+        raise InputError("scene", [Problem((), f"nested more than {_MAX_NESTING} levels deep")])
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, dict):
+        return {k: _plain(v, depth + 1) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v, depth + 1) for v in value]
+    return value
+
+
+@cache
+def _cached_schema() -> dict[str, Any]:
+    return SceneInput.model_json_schema()
+
+
+def scene_json_schema() -> dict[str, Any]:
+    """JSON Schema of a scene, with descriptions and units, for editors and for the reference."""
+    return deepcopy(_cached_schema())

@@ -1,0 +1,1 @@
+"""One material point driven along a path."""

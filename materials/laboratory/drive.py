@@ -1,0 +1,245 @@
+"""One material point along a path: `periporo drive MATERIAL.yaml PATH.csv -o folder`.
+
+Rows of the path are divided into substeps. Strain is given, or found by Newton's method where stress is
+given; a path of deformation gradients is followed by rotations and logarithmic strains.
+"""
+
+import argparse
+import dataclasses
+import importlib.util
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, ValidationError
+
+from periporo.core.numerics.tensors import COMPONENTS
+from periporo.core.points.material import Material
+from periporo.errors import InputError, Problem
+from periporo.io.input.yaml_source import read_yaml
+from periporo.io.schema.errors import problems_of
+from periporo.materials import registry
+from periporo.materials.laboratory.paths import (
+    BUILT_IN,
+    GRADIENT_COLUMNS,
+    STRAIN_COLUMNS,
+    STRESS_COLUMNS,
+    DeformationPath,
+    StrainPath,
+    find_path,
+)
+from periporo.materials.laboratory.point import MaterialPoint, StressNotReached
+
+_MAX_HALVINGS = 8
+_NEAR = 0.15  # size of F_2 F_1^-1 - I
+
+
+def drive(
+    material: Material,
+    path: StrainPath | DeformationPath,
+    substeps: int = 10,
+    initial_stress: np.ndarray | None = None,
+) -> dict[str, np.ndarray]:
+    """Columns (m,) by name for the rows of `path`: time, strain, stress and state, in SI units.
+
+    Each row is reached in `substeps` steps. The initial stress (6,) Pa is that of the argument, else the
+    path's own, else zero. Raises InputError if a prescribed stress cannot be reached.
+    """
+    if substeps < 1:
+        raise InputError("substeps", [Problem((), f"must be at least 1, not {substeps}")])
+    stress = initial_stress if initial_stress is not None else path.initial_stress
+    try:
+        point = MaterialPoint(material, np.zeros(6) if stress is None else stress)
+    except ValueError as error:
+        raise InputError(path.name, [Problem((), f"the initial stress does not suit: {error}")]) from error
+    rows = [_observed(point)]
+    follow = _follow_gradient if isinstance(path, DeformationPath) else _follow_strain
+    for _ in follow(point, path, substeps):
+        rows.append(_observed(point))
+    columns = {"time_s": path.time}
+    if isinstance(path, DeformationPath):
+        flat = path.gradient.reshape(-1, 9)
+        columns |= {name: flat[:, c] for c, name in enumerate(GRADIENT_COLUMNS)}
+    return columns | {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+def _follow_gradient(point: MaterialPoint, path: DeformationPath, substeps: int):
+    """Advance from row to row; the deformation gradient is linear in time between rows that are far apart.
+
+    Rows that are nearer than `_NEAR` are joined by an even strain and rotation instead: the chord between two
+    rotations would strain the point.
+    """
+    for row in range(1, len(path.time)):
+        start, change = path.gradient[row - 1], path.gradient[row] - path.gradient[row - 1]
+        parts = max(1, math.ceil(np.linalg.norm(change @ np.linalg.inv(start)) / _NEAR))
+        dt = (path.time[row] - path.time[row - 1]) / parts
+        for k in range(parts):
+            ends = start + k / parts * change, start + (k + 1) / parts * change
+            point.deform(*ends, dt, math.ceil(substeps / parts))
+        yield
+
+
+def _follow_strain(point: MaterialPoint, path: StrainPath, substeps: int):
+    """Advance from row to row; strains and prescribed stresses are linear in time between them."""
+    controlled = path.stress_controlled
+    _check_start(point, path)
+    guess = np.zeros(6)
+    for row in range(1, len(path.time)):
+        dt = (path.time[row] - path.time[row - 1]) / substeps
+        start, end = path.target[row - 1], path.target[row]
+        for k in range(1, substeps + 1):
+            target = start + k / substeps * (end - start)
+            increment = np.where(controlled, guess, target - point.strain)
+            try:
+                guess = _advance(point, increment, controlled, target, dt, _MAX_HALVINGS)
+            except StressNotReached as failure:
+                names = ", ".join(np.array(STRESS_COLUMNS)[controlled])
+                message = (
+                    f"row {row}, time {path.time[row]:g} s: the prescribed {names} cannot be reached, "
+                    f"{failure.residual:.3g} Pa is left. The material may fail: prescribe strain instead, "
+                    "or use more substeps"
+                )
+                raise InputError(path.name, [Problem((), message)]) from None
+        yield
+
+
+def _advance(point, increment, controlled, target, dt, halvings):
+    """One substep, divided again where Newton's method fails; returns the increment of the last part."""
+    if not controlled.any():
+        point.strain_by(increment, dt)
+        return increment
+    stress = point.stress[0].copy()
+    try:
+        point.reach(increment, controlled, target, dt)
+        return increment
+    except StressNotReached:
+        if halvings == 0:
+            raise
+    _advance(point, 0.5 * increment, controlled, 0.5 * (stress + target), 0.5 * dt, halvings - 1)
+    return 2.0 * _advance(point, 0.5 * increment, controlled, target, 0.5 * dt, halvings - 1)
+
+
+def _check_start(point: MaterialPoint, path: StrainPath) -> None:
+    wanted = path.target[0][path.stress_controlled]
+    found = point.stress[0][path.stress_controlled]
+    if not np.allclose(wanted, found, rtol=1e-9, atol=1e-9):
+        names = ", ".join(np.array(STRESS_COLUMNS)[path.stress_controlled])
+        message = (
+            f"the first row is the start, but its {names} = {', '.join(f'{v:g}' for v in wanted)} Pa differ "
+            f"from the initial stress {', '.join(f'{v:g}' for v in found)} Pa; give it by --initial-stress"
+        )
+        raise InputError(path.name, [Problem((), message)])
+
+
+def _observed(point: MaterialPoint) -> dict[str, float]:
+    """Strain, stress, state and derived state of the point as named numbers."""
+    values = dict(zip(STRAIN_COLUMNS, point.strain, strict=True))
+    values |= dict(zip(STRESS_COLUMNS, point.stress[0], strict=True))
+    column = 0
+    for field in point.material.state_fields:
+        names = [f"{field.name}_{c}" for c in COMPONENTS] if field.kind == "tensor" else [field.name]
+        for name in names:
+            values[name] = point.state[0, column]
+            column += 1
+    if hasattr(point.material, "derived_state"):
+        for name, array in point.material.derived_state(point.stress, point.state).items():
+            if array.ndim == 1:
+                values[name] = array[0]
+            else:
+                values |= {f"{name}_{c}": v for c, v in zip(COMPONENTS, array[0], strict=True)}
+    return {name: float(value) for name, value in values.items()}
+
+
+def load_material(file: str | Path) -> Material:
+    """The material of a YAML file: `model` and its parameters. Raises InputError with line and key."""
+    source = read_yaml(file)
+    problems = list(source.problems)
+    parameters = dict(source.data) if isinstance(source.data, dict) else {}
+    name = parameters.pop("model", None)
+    if not isinstance(name, str):
+        message = f"give the name of the material model, one of {', '.join(sorted(registry.available()))}"
+        raise InputError(str(file), [*problems, Problem(("model",), message, source.line(("model",)))])
+    try:
+        law = registry.load(name)
+    except KeyError as error:
+        raise InputError(str(file), [*problems, Problem(("model",), error.args[0])]) from None
+    try:
+        material = law(**parameters)
+    except ValidationError as error:
+        schema = law.model_json_schema() if issubclass(law, BaseModel) else {}
+        problems += problems_of(error, schema, parameters)
+    except (TypeError, ValueError) as error:
+        problems.append(Problem((), str(error)))
+    if problems:
+        lines = [dataclasses.replace(p, line=p.line or source.line(p.path)) for p in problems]
+        raise InputError(str(file), lines)
+    return material
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of `periporo drive`."""
+    parser.add_argument("material", help="YAML file with `model` and its parameters")
+    parser.add_argument(
+        "path",
+        help="CSV file with time_s and strain_xx, stress_xx or F11 columns; or a built-in path "
+        f"({', '.join(BUILT_IN)}), as in triaxial:confining=1e5,strain=0.1,rows=100,rate=1e-3",
+    )
+    parser.add_argument(
+        "-o", "--output", default="drive", help="folder of the results (default: %(default)s)"
+    )
+    parser.add_argument("-n", "--substeps", type=int, default=10, help="steps per row (default: %(default)s)")
+    parser.add_argument(
+        "--initial-stress",
+        metavar="PA",
+        help="mean stress, or six components xx,yy,zz,xy,yz,xz, tension positive: --initial-stress=-1e5",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Carry out `periporo drive`; the exit status is 2 if an input is wrong, with a message on stderr."""
+    try:
+        material = load_material(arguments.material)
+        path = find_path(arguments.path)
+        columns = drive(material, path, arguments.substeps, _parse_stress(arguments.initial_stress))
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
+    folder = Path(arguments.output)
+    folder.mkdir(parents=True, exist_ok=True)
+    table = folder / f"{path.name}.csv"
+    write_table(table, columns)
+    print(table)
+    _draw(material, columns, folder, path.name)
+    return 0
+
+
+def _parse_stress(text: str | None) -> np.ndarray | None:
+    if text is None:
+        return None
+    try:
+        values = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        values = np.full(6, np.nan)
+    if len(values) == 1:
+        values = values[0] * np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    if len(values) != 6 or not np.isfinite(values).all():
+        message = f"one number or six are needed, separated by commas, not '{text}'"
+        raise InputError("--initial-stress", [Problem((), message)])
+    return values
+
+
+def write_table(file: Path, columns: dict[str, np.ndarray]) -> None:
+    """Write columns (m,) as CSV with 17 significant digits, which is exact."""
+    table = np.stack(list(columns.values()), axis=1)
+    np.savetxt(file, table, fmt="%.17g", delimiter=",", header=",".join(columns), comments="")
+
+
+def _draw(material: Material, columns: dict[str, np.ndarray], folder: Path, stem: str) -> None:
+    if importlib.util.find_spec("matplotlib") is None:
+        print("no plots: they need matplotlib (pip install 'periporo[plot]')", file=sys.stderr)
+        return
+    from periporo.materials.laboratory.plots import draw_plots  # only here: matplotlib is optional
+
+    for file in draw_plots(material, columns, folder, stem):
+        print(file)

@@ -1,0 +1,113 @@
+"""One material point that is strained, deformed with rotation, or brought to a prescribed stress."""
+
+import numpy as np
+
+from periporo.core.numerics.tensors import from_matrix, to_matrix
+from periporo.core.points.material import Material
+
+_WANTED = 1e-11  # error of a prescribed stress, of the largest stress or of 1e-6 K
+_ACCEPTED = 1e-7  # the same, where a law's own tolerance stops Newton's method before
+_RANK = 1e-6  # singular values of a tangent that are smaller, relative to the largest, are noise
+_MAX_ITERATIONS = 40
+_LINE_SEARCH = 0.5 ** np.arange(8)
+
+
+class StressNotReached(Exception):
+    """No strain was found that gives the prescribed stress; `residual` (Pa) is what was left."""
+
+    def __init__(self, residual: float):
+        super().__init__(residual)
+        self.residual = residual
+
+
+class MaterialPoint:
+    """Stress (1, 6) Pa, state (1, k) and accumulated strain (6,) of one point."""
+
+    def __init__(self, material: Material, stress: np.ndarray):
+        self.material = material
+        self.stress = np.array(stress, dtype=float).reshape(1, 6)
+        self.state = material.initial_state(self.stress, np.zeros((1, 2), dtype=np.int64), np.ones(1))
+        self.strain = np.zeros(6)
+
+    def strain_by(self, increment: np.ndarray, dt: float) -> None:
+        """Advance by a strain increment (6,) over `dt` s, without rotation."""
+        self.material.compute_stress(self.stress, increment.reshape(1, 6), self.state, dt)
+        self.strain += increment
+
+    def deform(self, start: np.ndarray, end: np.ndarray, dt: float, substeps: int = 1) -> None:
+        """Advance from the deformation gradient `start` to `end` (3, 3) over `dt` s.
+
+        F_end F_start^-1 = R U: the point is strained by ln U, evenly in `substeps`, and then turned by R with its
+        tensors. Exact for any rotation of a stretch along fixed axes; second order to Jaumann's rate else.
+        """
+        change = (end - start) @ np.linalg.inv(start)
+        green, axes = np.linalg.eigh(0.5 * (change + change.T + change.T @ change))
+        increment = (axes * (0.5 * np.log1p(2.0 * green))) @ axes.T
+        shrink = (axes / np.sqrt(1.0 + 2.0 * green)) @ axes.T
+        for _ in range(substeps):
+            self.strain_by(from_matrix(increment[None], 6)[0] / substeps, dt / substeps)
+        self._rotate((np.eye(3) + change) @ shrink)
+
+    def _rotate(self, rotation: np.ndarray) -> None:
+        def turned(rows):
+            return from_matrix(rotation @ to_matrix(rows) @ rotation.T, 6)
+
+        self.stress[:] = turned(self.stress)
+        self.strain = turned(self.strain[None])[0]
+        column = 0
+        for field in self.material.state_fields:
+            columns = slice(column, column + field.columns(6))
+            if field.kind == "tensor":
+                self.state[:, columns] = turned(self.state[:, columns])
+            column = columns.stop
+
+    def reach(self, increment: np.ndarray, controlled: np.ndarray, target: np.ndarray, dt: float) -> None:
+        """Advance so that the stress components where `controlled` (6,) is true become `target` (6,) Pa.
+
+        `increment` (6,) holds the prescribed strain, and a first guess where stress is controlled; it is
+        completed in place. Raises StressNotReached, with the point as it was.
+        """
+        unknown = np.flatnonzero(controlled)
+        guesses = np.tile(increment, (2, 1))
+        guesses[1, unknown] = 0.0
+        bulk = float(self.material.elastic_moduli(self.stress, self.state)[0][0])
+        scale = max(np.abs(self.stress).max(), np.abs(target[unknown]).max(), 1e-6 * bulk)
+        best, residual = self._best(guesses, unknown, target, dt)
+        for _ in range(_MAX_ITERATIONS):
+            if np.abs(residual).max() <= _WANTED * scale:
+                break
+            step = self._newton_step(best, residual, unknown, target, dt)
+            trials = np.tile(best, (len(_LINE_SEARCH), 1))
+            trials[:, unknown] += _LINE_SEARCH[:, None] * step
+            new, new_residual = self._best(trials, unknown, target, dt)
+            if not np.linalg.norm(new_residual) < np.linalg.norm(residual):
+                break
+            best, residual = new, new_residual
+        if not np.abs(residual).max() <= _ACCEPTED * scale:
+            raise StressNotReached(float(np.abs(residual).max()))
+        increment[:] = best
+        self.strain_by(best, dt)
+
+    def _residuals(self, increments, unknown, target, dt):
+        """Stress error (m, u) in Pa after each of the increments (m, 6), the point left alone."""
+        stress = np.tile(self.stress, (len(increments), 1))
+        state = np.tile(self.state, (len(increments), 1))
+        self.material.compute_stress(stress, increments.copy(), state, dt)
+        return stress[:, unknown] - target[unknown]
+
+    def _best(self, increments, unknown, target, dt):
+        residuals = self._residuals(increments, unknown, target, dt)
+        norms = np.linalg.norm(residuals, axis=1)
+        index = int(np.argmin(np.where(np.isfinite(norms), norms, np.inf)))
+        return increments[index].copy(), residuals[index]
+
+    def _newton_step(self, increment, residual, unknown, target, dt):
+        """Change (u,) of the unknown strains, by a numerical tangent with central differences."""
+        size = 1e-8 + 1e-4 * np.abs(increment).max()
+        count = len(unknown)
+        trials = np.tile(increment, (2 * count, 1))
+        trials[np.arange(count), unknown] += size
+        trials[count + np.arange(count), unknown] -= size
+        residuals = self._residuals(trials, unknown, target, dt)
+        tangent = (residuals[:count] - residuals[count:]).T / (2 * size)
+        return -np.linalg.lstsq(tangent, residual, rcond=_RANK)[0]

@@ -1,0 +1,101 @@
+"""Boundary conditions as a step sees them."""
+
+import numpy as np
+import pytest
+
+from periporo.core.loads.boundary import (
+    Gravity,
+    PrescribedMotion,
+    Traction,
+    ViscousDamping,
+    displacement_history,
+    velocity_history,
+    without_overlaps,
+)
+
+SPACING = 0.01
+
+
+@pytest.fixture
+def block(cloud, grid):
+    return cloud(grid(4, 4, spacing=SPACING), fixed=1e-5)
+
+
+def test_velocity_history_is_linear_between_and_constant_outside():
+    velocity = velocity_history([1.0, 3.0], [10.0, 20.0])
+    assert [velocity(t, 0.1) for t in (0.0, 1.0, 2.0, 3.0, 9.0)] == [10.0, 10.0, 15.0, 20.0, 20.0]
+
+
+def test_displacement_history_is_reached_whatever_the_steps():
+    velocity = displacement_history([0.0, 0.4, 1.0], [0.0, 1.0, -2.0])
+    time, place = 0.0, 0.0
+    for dt in np.random.default_rng(0).uniform(0.001, 0.09, 30):
+        place += dt * velocity(time + 0.5 * dt, dt)
+        time += dt
+        assert place == pytest.approx(np.interp(time, [0.0, 0.4, 1.0], [0.0, 1.0, -2.0]), abs=1e-13)
+
+
+def test_prescribed_points_move_as_told_and_the_others_do_not(block):
+    block.prescribed_motions = [PrescribedMotion(np.array([0, 5]), {1: displacement_history([0.0, 1e-3], [0.0, 1e-4])})]
+    start = block.particles.position.copy()
+    for _ in range(20):
+        block.step()
+    p = block.particles
+    assert p.position[[0, 5], 1] - start[[0, 5], 1] == pytest.approx([2e-5, 2e-5], rel=1e-9)
+    assert p.velocity[[0, 5], 1] == pytest.approx([0.1, 0.1], rel=1e-9)
+    assert np.abs(p.position[10] - start[10]).max() > 0.0  # it is dragged along, through its bonds
+    assert p.velocity[0, 0] != 0.0  # the other component is free
+
+
+def test_prescribed_points_are_found_again_after_a_rebuild(block):
+    motion = PrescribedMotion(np.array([3]), {0: velocity_history([0.0], [0.0])})
+    block.prescribed_motions = [motion]
+    block.particles.velocity[:] = [5.0, 0.0]
+    for _ in range(100):
+        block.step()
+    assert block.rebuild_count > 1
+    assert block.particles.velocity[3, 0] == 0.0 and block.particles.velocity[12, 0] > 0.0
+
+
+def test_hold_zero_touches_prescribed_components_only(block):
+    free = np.ones((16, 2))
+    PrescribedMotion(np.array([2, 7]), {1: velocity_history([0.0], [0.0])}).hold_zero(block.particles, free)
+    expected = np.ones((16, 2))
+    expected[[2, 7], 1] = 0.0
+    assert (free == expected).all()
+
+
+def test_weight_traction_and_damping(block):
+    block.forces.need("damping")
+    p = block.particles
+    p.damping_force = np.zeros((16, 2))
+    p.velocity[:] = [2.0, -1.0]
+    loads = [Gravity(np.array([0.0, -10.0])), Traction(np.array([1, 4]), np.array([3.0, 0.5])), ViscousDamping(7.0)]
+    p.external_force[:] = 0.0
+    for load in loads:
+        load.add_force(p, 0.0, 1e-5)
+    expected = np.tile([0.0, -10.0 * 1760.0 * SPACING**2], (16, 1))
+    expected[[1, 4]] += [3.0, 0.5]
+    assert p.external_force == pytest.approx(expected, rel=1e-14)
+    assert p.damping_force == pytest.approx(np.tile([-14.0, 7.0], (16, 1)) * 1760.0 * SPACING**2, rel=1e-14)
+
+
+def test_damped_free_motion_decays_exponentially(cloud):
+    """Central in the half step, so the decay over a step is (1 - r dt/2)/(1 + ...) to second order."""
+    sim = cloud(np.array([[0.0, 0.0]]), velocity=[[1.0, 0.0]], fixed=1e-3, start=False)
+    sim.forces.need("damping")
+    sim.loads = [ViscousDamping(3.0)]
+    sim.start()
+    for _ in range(500):
+        sim.step()
+    assert sim.particles.velocity[0, 0] == pytest.approx(np.exp(-3.0 * sim.time), rel=5e-3)
+
+
+def test_the_last_motion_has_a_component_that_several_prescribe():
+    still, fast = velocity_history([0.0, 1.0], [0.0, 0.0]), velocity_history([0.0, 1.0], [2.0, 2.0])
+    first = PrescribedMotion(np.array([1, 2, 5]), {0: still, 1: still})
+    last = PrescribedMotion(np.array([2, 7]), {1: fast})
+    found = without_overlaps([first, last])
+    assert [(m.ids.tolist(), m.velocities) for m in found] == [
+        ([1, 5], {1: still}), ([1, 2, 5], {0: still}), ([2, 7], {1: fast}),
+    ]  # fmt: skip

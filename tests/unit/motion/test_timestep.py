@@ -1,0 +1,142 @@
+"""The stable time step against the spectrum of the assembled stiffness, and against stability itself."""
+
+import numpy as np
+import pytest
+
+from periporo.contact.rigid import RigidContact
+from periporo.contact.surfaces import Plane
+from periporo.core.motion.timestep import StableTimeStep, apply_stiffness, highest_frequency, local_frequency
+from periporo.errors import InputError
+from periporo.materials.elastic import Elastic
+
+SPACING = 0.01
+
+
+def spectrum(sim):
+    """All angular frequencies by probing the stiffness column by column."""
+    p = sim.particles
+    n, d = p.position.shape
+    columns = []
+    for k in range(n * d):
+        unit = np.zeros(n * d)
+        unit[k] = 1.0
+        columns.append(apply_stiffness(sim, unit.reshape(n, d)).ravel())
+    stiffness = np.array(columns).T
+    root = np.sqrt(np.repeat(p.mass, d))
+    scaled = stiffness / root[:, None] / root
+    assert np.abs(scaled - scaled.T).max() < 1e-9 * np.abs(scaled).max()  # the operator is symmetric
+    return np.linalg.eigvalsh(0.5 * (scaled + scaled.T))
+
+
+@pytest.mark.parametrize("counts", [(7, 6), (4, 4, 3)])
+@pytest.mark.parametrize("jitter", [0.0, 0.2])
+def test_highest_frequency_is_that_of_the_assembled_stiffness(cloud, grid, counts, jitter):
+    sim = cloud(grid(*counts, spacing=SPACING, jitter=jitter))
+    estimate = highest_frequency(sim)
+    squares = spectrum(cloud(grid(*counts, spacing=SPACING, jitter=jitter)))
+    exact = np.sqrt(squares[-1])
+    assert 0.95 * exact < estimate < 1.0001 * exact
+    d = len(counts)
+    rigid = d * (d + 1) // 2
+    assert np.abs(squares[:rigid]).max() < 1e-9 * squares[-1]  # translations and rotations cost nothing
+    assert squares[rigid] > 1e-4 * squares[-1]  # and nothing else does
+
+
+def test_measuring_changes_nothing(cloud, grid):
+    sim = cloud(grid(6, 5, spacing=SPACING, jitter=0.2))
+    rng = np.random.default_rng(0)
+    block, p = sim.bonds.blocks[0], sim.particles
+    block.stress[:] = rng.normal(size=block.stress.shape)
+    p.velocity[:], p.jacobian[:] = rng.normal(size=p.velocity.shape), 1.1
+    kept = [a.copy() for a in (block.stress, block.active, p.velocity, p.jacobian, p.position, p.volume)]
+    highest_frequency(sim)
+    now = (block.stress, block.active, p.velocity, p.jacobian, p.position, p.volume)
+    assert all((a == b).all() for a, b in zip(kept, now, strict=True))
+
+
+class Stiffening(Elastic):
+    """Elastic, with moduli four times as large at a pressure of 1 MPa as without."""
+
+    def elastic_moduli(self, stress, state):
+        bulk, shear = super().elastic_moduli(stress, state)
+        factor = 1.0 - 1e-6 * stress[:, :3].sum(axis=1)
+        return factor * bulk, factor * shear
+
+
+def test_step_follows_the_stiffness_at_the_present_stress(cloud, grid):
+    parameters = dict(density=1760.0, bulk_modulus=25e6, shear_modulus=15e6)
+    steps = []
+    for law, pressure in ((Stiffening(**parameters), 0.0), (Stiffening(**parameters), 1e6)):
+        sim = cloud(grid(6, 5, spacing=SPACING, jitter=0.1), laws=[law])
+        sim.bonds.blocks[0].stress[:] = -pressure * np.array([1.0, 1.0, 1.0, 0.0])
+        steps.append(StableTimeStep(0.8, None, 10).choose(sim))
+    assert steps[0] / steps[1] == pytest.approx(2.0, rel=1e-6)
+
+
+def test_step_is_the_given_share_of_the_limit(cloud, grid):
+    sim = cloud(grid(6, 5, spacing=SPACING, jitter=0.1))
+    limit = 2.0 / highest_frequency(sim)
+    for safety in (0.3, 0.8):
+        assert StableTimeStep(safety, None, 10).choose(sim) == pytest.approx(safety * limit, rel=1e-12)
+
+
+def test_energy_stays_below_the_limit_and_grows_above_it(cloud, grid):
+    growth = []
+    for share in (0.95, 1.1):
+        position = grid(6, 5, spacing=SPACING, jitter=0.1)
+        velocity = 1e-9 * np.random.default_rng(1).normal(size=position.shape)
+        sim = cloud(position, velocity=velocity, fixed=share * 2.0 / highest_frequency(cloud(position)))
+        before = sim.ledger.kinetic()
+        for _ in range(400):
+            sim.step()
+        growth.append(sim.ledger.kinetic() / before)
+    assert growth[0] < 3.0 and growth[1] > 1e3
+
+
+def test_contact_and_compression_shorten_the_step(cloud, grid):
+    position = grid(6, 5, spacing=SPACING)
+    floor = RigidContact("f", Plane([0.0, 0.0], [0.0, 1.0]), spacing=SPACING, skin=0.3 * SPACING, stiffness=1e9,
+                         friction=0.0)  # fmt: skip
+    free, held = cloud(position), cloud(position, contacts=[floor])
+    assert local_frequency(held, held.contacts) == pytest.approx(
+        np.sqrt(local_frequency(held, ()) ** 2 + 1e9 / held.particles.mass[0]), rel=0.3
+    )
+    assert held.time_step.choose(held) < 0.5 * free.time_step.choose(free)
+    assert cloud(0.8 * position, spacing=SPACING).dt < free.dt
+
+
+def test_when_it_is_due():
+    assert [StableTimeStep(0.8, None, 3).due(k) for k in range(5)] == [True, False, False, True, False]
+    assert not StableTimeStep(0.8, 1e-5, 3).due(0)
+
+
+def test_fixed_step_is_taken_as_it_is(cloud, grid):
+    assert cloud(grid(4, 4, spacing=SPACING), fixed=1.25e-7).dt == 1.25e-7
+
+
+def test_nothing_to_limit_the_step_is_an_error_that_says_what_to_do(cloud):
+    with pytest.raises(InputError, match="time_step.fixed: no point has a bond or a contact"):
+        cloud(np.array([[0.0, 0.0], [1.0, 0.0]]))
+
+
+def test_nan_shows_in_the_local_frequency_wherever_it_is(cloud, grid):
+    for point in (0, 17, 29):
+        sim = cloud(grid(6, 5, spacing=SPACING), fixed=1e-6)
+        sim.particles.mass[point] = np.nan
+        assert np.isnan(local_frequency(sim, ()))
+
+
+def test_the_ratio_is_measured_less_often_while_nothing_changes(cloud, grid, monkeypatch):
+    """After 200, 400, 800, 800 steps; at once when a spring stiffens, and then often again."""
+    sim = cloud(grid(6, 5, spacing=SPACING, jitter=0.1))
+    measured = []
+    exact = highest_frequency(sim)
+    monkeypatch.setattr(
+        "periporo.core.motion.timestep.highest_frequency", lambda sim: measured.append(sim.step_number) or exact
+    )
+    step = StableTimeStep(0.8, None, 10)
+    for sim.step_number in range(0, 3000, 10):
+        if sim.step_number == 2500:
+            sim.particles.mass *= 0.5
+        step.choose(sim)
+    assert measured == [0, 200, 600, 1400, 2200, 2500, 2700]

@@ -1,0 +1,144 @@
+"""The cache of machine code: its folders depend on all that the code depends on, and lie where one can write."""
+
+import importlib
+import os
+import pkgutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from numba.core.dispatcher import Dispatcher
+
+import periporo
+from periporo.core.numerics import jit
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A program of four files, law -> algebra, plane -> step -> algebra, and a plugin, law -> help and algebra."""
+    for name, text in {
+        "core/algebra.py": "x = 1\n",
+        "core/step.py": "def later():\n    from periporo.core import algebra as la, other\n",
+        "materials/law.py": "from periporo.core.algebra import (\n    x,\n)\n",
+        "contact/plane.py": "import periporo.core.step\n",
+        "plug/__init__.py": "",
+        "plug/help.py": "y = 1\n",
+        "plug/law.py": "from . import help\nfrom periporo.core.algebra import x\n",
+        "plug/spare.py": "",
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.setattr(jit, "_PACKAGE", tmp_path)
+    return tmp_path
+
+
+REACHED = {
+    "core/algebra.py": {"core/algebra.py", "core/step.py", "materials/law.py", "contact/plane.py", "plug/law.py"},
+    "core/step.py": {"core/step.py", "contact/plane.py"},
+    "materials/law.py": {"materials/law.py"},
+    "plug/help.py": {"plug/help.py", "plug/law.py"},
+    "plug/spare.py": {"plug/spare.py"},
+}
+
+
+@pytest.mark.parametrize("changed", REACHED)
+def test_machine_code_follows_every_source_that_it_depends_on_and_no_other(package, changed):
+    def names():
+        jit._imported.cache_clear(), jit.sources_of.cache_clear()
+        return {str(p.relative_to(package)): jit._digest(jit.sources_of(p)) for p in package.rglob("*.py")}
+
+    before = names()
+    (package / changed).write_text((package / changed).read_text() + "z = 2\n")
+    after = names()
+    assert {name for name in before if before[name] != after[name]} == REACHED[changed]
+
+
+def test_fingerprint_of_the_program_follows_its_sources_the_compiler_and_the_processor(package, monkeypatch):
+    seen = {jit.program_fingerprint()}
+    for changed in ("core/step.py", "materials/law.py", "contact/plane.py"):
+        (package / changed).write_text("x = 2\n")
+        seen.add(jit.program_fingerprint())
+    monkeypatch.setattr(jit.numba, "__version__", "0.0")
+    seen.add(jit.program_fingerprint())
+    monkeypatch.setattr(jit.numba_config, "CPU_NAME", "generic-1")
+    seen.add(jit.program_fingerprint())
+    assert len(seen) == 6
+
+
+def test_kernels_call_only_what_is_inlined():
+    """Or the last bit would depend on whether a kernel was compiled or came from the cache."""
+    found = []
+    for module in pkgutil.walk_packages(periporo.__path__, "periporo."):
+        if module.name.startswith(("periporo.core", "periporo.materials", "periporo.contact")):
+            found += [f for f in vars(importlib.import_module(module.name)).values() if isinstance(f, Dispatcher)]
+    assert len(found) > 100
+    calls = {(f.__name__, called.__name__): called for f in found for called in called_by(f.py_func)}
+    assert len(calls) > 30
+    assert not [names for names, called in calls.items() if not called.targetoptions.get("forceinline")]
+
+
+def called_by(function):
+    """What a compiled function names of others, of its own module or another."""
+    names, scope = function.__code__.co_names, function.__globals__
+    places = [scope, *(vars(scope[name]) for name in names if isinstance(scope.get(name), ModuleType))]
+    return [place[name] for name in names for place in places if isinstance(place.get(name), Dispatcher)]
+
+
+def test_the_cache_is_cold_until_a_run_has_compiled(monkeypatch, tmp_path):
+    monkeypatch.setattr(jit, "CACHE_ROOT", tmp_path)
+    assert not jit.cache_is_warm()
+    jit.remember_warm()
+    assert jit.cache_is_warm()
+
+
+def test_an_unwritable_home_falls_back_to_the_temporary_folder(monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("PERIPORO_CACHE", str(tmp_path / "file"))  # below a file nobody can make a folder
+    monkeypatch.setattr(jit.tempfile, "gettempdir", lambda: str(tmp_path / "temporary"))
+    assert jit._writable_root() == tmp_path / "temporary" / f"periporo-{os.getuid()}"
+    monkeypatch.setattr(jit.tempfile, "gettempdir", lambda: str(tmp_path / "file"))
+    with pytest.raises(OSError, match="no folder for compiled kernels"):
+        jit._writable_root()
+
+
+def test_pruning_deletes_what_was_not_used_for_a_month(tmp_path):
+    for name, days in {"old": 40, "older": 400, "recent": 20}.items():
+        (tmp_path / name).mkdir()
+        then = time.time() - days * 86400
+        os.utime(tmp_path / name, (then, then))
+    jit._prune(tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["recent"]
+
+
+@jit.kernel
+def _add(values, total):
+    for value in values:
+        total[0] += value
+
+
+def test_kernels_keep_the_order_of_sums_and_show_nan():
+    values = np.array([1e16, 1.0, -1e16, 1.0])
+    total = np.zeros(1)
+    _add(values, total)
+    assert total[0] == ((1e16 + 1.0) - 1e16) + 1.0
+    _add(np.array([np.nan]), total)
+    assert np.isnan(total[0])
+
+
+def test_machine_code_lies_in_the_folder(tmp_path):
+    """A second process finds what the first one compiled."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import numpy as np\nfrom periporo.core.numerics import jit\n\n\n"
+        "@jit.kernel\ndef twice(x):\n    x[0] *= 2.0\n\n\n"
+        "twice(np.ones(1))\nprint(len(twice.stats.cache_hits), jit.CACHE_ROOT)\n"
+    )
+    environment = os.environ | {"PERIPORO_CACHE": str(tmp_path / "cache")}
+    runs = [subprocess.run([sys.executable, str(script)], env=environment, capture_output=True, text=True,
+                           timeout=120, check=True).stdout.split() for _ in range(2)]  # fmt: skip
+    assert [hits for hits, _ in runs] == ["0", "1"]
+    assert any(Path(runs[0][1]).rglob("script.twice*"))

@@ -1,0 +1,185 @@
+"""Pictures and movies: what is drawn where, and that the files hold it."""
+
+import argparse
+
+import h5py
+import numpy as np
+import pytest
+
+from periporo.io.output.results import ResultError, open_results
+from periporo.io.pictures import drawing, plots
+from periporo.io.pictures.animation import animate_run
+
+pytest.importorskip("matplotlib")
+
+
+def pixels(path):
+    from matplotlib.image import imread
+
+    return imread(path)[:, :, :3]
+
+
+def coloured(image):
+    """Share of pixels that are neither white nor grey."""
+    return np.mean(np.ptp(image, axis=2) > 0.1)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_spacing_is_configured_or_measured(tmp_path, heap, dimension):
+    for configuration in (True, False):
+        path = heap(tmp_path / f"{configuration}.h5", dimension=dimension, configuration=configuration)
+        with open_results(path) as results:
+            assert drawing.point_spacing(results) == pytest.approx(0.1, rel=1e-12)
+            assert drawing.vertical_axis(results) == dimension - 1
+
+
+def test_outline_of_cells():
+    x, y = np.meshgrid(np.arange(4) + 0.5, np.arange(3) + 0.5)
+    points = 0.2 * np.stack([x.ravel(), y.ravel()], axis=1) + [5.0, -1.0]
+    segments = drawing.outline_segments(points, 0.2)
+    assert len(segments) == 2 * (4 + 3)
+    assert np.allclose(np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1), 0.2)
+    assert np.allclose(segments.min(axis=(0, 1)), [5.0, -1.0])
+    assert np.allclose(segments.max(axis=(0, 1)), [5.8, -0.4])
+    hollow = np.delete(points, 5, axis=0)  # one inner cell less: four edges more
+    assert len(drawing.outline_segments(hollow, 0.2)) == 18
+
+
+def test_colour_values(tmp_path, heap):
+    with open_results(heap(tmp_path / "run.h5")) as results:
+        height = results.positions(0)[:, 1]
+        speed, label = drawing.colour_values(results, "velocity")
+        assert np.allclose(speed, 0.5 * height, rtol=1e-15) and label == "velocity magnitude [m/s]"
+        # xx = -3 and xy = 4 alone: q^2 = 3^2 + 3 * 4^2
+        shear, label = drawing.colour_values(results, "stress")
+        assert np.allclose(shear, np.sqrt(57), rtol=1e-14) and label == "equivalent shear stress [Pa]"
+        normal, label = drawing.colour_values(results, "stress.xx")
+        assert np.all(normal == -3) and label == "stress xx [Pa]"
+        moved, label = drawing.colour_values(results, "displacement", 1)
+        assert np.allclose(moved, 0.5 * height, rtol=1e-12) and label == "displacement magnitude [m]"
+        with pytest.raises(ResultError, match="no component 'rr'.*xx, yy"):
+            drawing.colour_values(results, "stress.rr")
+        with pytest.raises(ResultError, match="no field 'pressure'"):
+            drawing.colour_values(results, "pressure")
+
+
+def test_strain_tensor_gives_its_equivalent_strain(tmp_path, heap):
+    path = heap(tmp_path / "run.h5")
+    with h5py.File(path, "r+") as file:
+        file.move("VTKHDF/PointData/stress", "VTKHDF/PointData/strain")
+        file["VTKHDF/PointData/strain"][:] = [0.2, -0.1, -0.1, 0, 0, 0]  # axial, no change of volume
+    with open_results(path) as results:
+        assert np.allclose(drawing.colour_values(results, "strain")[0], 0.2, rtol=1e-15)
+
+
+def test_default_field_and_fallback(tmp_path, heap):
+    with open_results(heap(tmp_path / "a.h5")) as results:
+        assert drawing.choose_field(results) == "equivalent_shear_strain"
+        assert drawing.choose_field(results, "velocity") == "velocity"
+    with open_results(heap(tmp_path / "b.h5", strain=False)) as results:
+        assert drawing.choose_field(results) == "displacement"
+
+
+def test_colour_limits_ignore_outliers():
+    values = np.append(np.linspace(0, 1, 1000), [500.0, np.nan])
+    low, high = drawing.colour_limits(values)
+    assert low == 0 and 0.98 < high < 1.01
+    assert drawing.colour_limits(np.array([-2.0, -2.0])) == (-2.5, -1.5)
+    for nothing in ([np.nan], [0.0, 0.0], []):
+        assert drawing.colour_limits(np.array(nothing)) == (0.0, 1.0)
+
+
+def test_extent_leaves_out_points_that_flew_off(tmp_path, heap):
+    path = heap(tmp_path / "run.h5", dimension=3)
+    with open_results(path) as results:
+        extent = drawing.extent_of(results, (0, -1))
+        assert np.allclose(extent, [[0.05, 0.05, 0.05], [1.4, 0.35, 0.45]])
+    with h5py.File(path, "r+") as file:
+        file["VTKHDF/Points"][-1, 0] = 1e6
+    with open_results(path) as results:
+        far = drawing.extent_of(results, (0, -1))[1, 0]
+        assert 1.4 < far < 3.0
+        picture = drawing.PointPicture(results)
+        picture.show(-1)
+        assert picture.axes[0].get_title(loc="right") == "200 points, 1 outside the picture"
+
+
+def test_picture_draws_points_at_their_place_and_size(tmp_path, heap):
+    with open_results(heap(tmp_path / "run.h5")) as results:
+        picture = drawing.PointPicture(results)
+        picture.show(-1)
+        (points,), (axes,) = picture.points, picture.axes
+        assert np.array_equal(points.get_offsets(), results.positions()[:, :2])
+        assert np.all(points.get_array() == 1.0)
+        # a disc as large as the area of a point
+        assert np.pi / 4 * points.get_widths() ** 2 == pytest.approx(0.01)
+        box = axes.get_window_extent()
+        across, up = np.diff(axes.get_xlim()), np.diff(axes.get_ylim())
+        assert box.width / across == pytest.approx(box.height / up, rel=1e-9)
+        assert axes.get_title(loc="left") == "t = 2 s" and axes.get_xlabel() == "x [m]"
+        assert picture.colour_bar.ax.get_xlabel() == "equivalent shear strain"
+
+
+def test_views_of_three_dimensions_hide_what_is_behind(tmp_path, heap):
+    with open_results(heap(tmp_path / "run.h5", dimension=3)) as results:
+        front, top = drawing.views(results)
+        assert (front.across, front.up, top.across, top.up) == (0, 2, 0, 1)
+        position = results.positions()
+        assert position[front.nearest_last(position)[-1], 1] == position[:, 1].min()
+        assert position[top.nearest_last(position)[-1], 2] == position[:, 2].max()
+        picture = drawing.PointPicture(results, "displacement")
+        picture.show(-1)
+        assert np.pi / 6 * picture.points[0].get_widths() ** 3 == pytest.approx(1e-3)
+        values = drawing.colour_values(results, "displacement")[0]
+        assert np.array_equal(picture.points[0].get_array(), values[front.nearest_last(position)])
+
+
+def test_run_makes_all_pictures(tmp_path, heap):
+    path = heap(tmp_path / "run.h5")
+    files = plots.plot_run(path)
+    assert [file.name for file in files] == ["run_deposit.png", "run_histories.png", "run_energy.png"]
+    for file in files:
+        assert coloured(pixels(file)) > 0.002
+    assert coloured(pixels(files[0])) > 0.1
+    parser = argparse.ArgumentParser()
+    plots.add_arguments(parser)
+    words = [str(path), "--out", str(tmp_path / "out"), "--field", "velocity", "--step", "1"]
+    assert plots.run(parser.parse_args(words)) == 0
+    assert not np.array_equal(pixels(tmp_path / "out" / "run_velocity.png"), pixels(files[0]))
+
+
+def test_pictures_that_the_file_has_no_data_for(tmp_path, heap):
+    path = heap(tmp_path / "run.h5", histories=False, dimension=3)
+    assert [file.name for file in plots.plot_run(path)] == ["run_deposit.png"]
+    with open_results(path) as results:
+        with pytest.raises(ResultError, match="no histories"):
+            plots.plot_histories(results, tmp_path / "a.png")
+        with pytest.raises(ResultError, match="no energies.*kinetic_energy"):
+            plots.plot_energy(results, tmp_path / "a.png")
+        with pytest.raises(ResultError, match="output 9 of 3"):
+            plots.plot_run(path, tmp_path / "never", step=9)
+    assert not (tmp_path / "never").exists()
+
+
+def test_movie_has_a_frame_for_each_output(tmp_path, heap, monkeypatch):
+    from PIL import Image
+
+    monkeypatch.setattr("shutil.which", lambda program: None)  # as on a machine without ffmpeg
+    with open_results(heap(tmp_path / "run.h5")) as results:
+        file = animate_run(results, tmp_path / "movie")
+    assert file == tmp_path / "movie.gif"
+    with Image.open(file) as movie:
+        frames = []
+        for k in range(movie.n_frames):
+            movie.seek(k)
+            frames.append(np.asarray(movie.convert("RGB"), dtype=float))
+    assert len(frames) == 3
+    assert np.abs(frames[0] - frames[1]).max() > 100 and np.abs(frames[1] - frames[2]).max() > 100
+
+
+def test_missing_matplotlib_is_told(monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(ImportError, match=r"pip install 'periporo\[plot\]'"):
+        drawing.require_matplotlib()
