@@ -6,21 +6,24 @@ has the wrong sign (compaction would soften): here p_c = p_c,n exp(-dev/(lambda 
 plastic volumetric strain, tension positive.
 """
 
+import math
 from typing import ClassVar, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from periporo.core.numerics.tensors import equivalent_shear, mean
+from periporo.core.numerics.tensors import dimension_of, equivalent_shear, mean
 from periporo.core.points.material import StateField
 from periporo.materials.base import MaterialParameters
 from periporo.materials.cam_clay_return import advance, bonded_size, bonding_exponents
+from periporo.materials.friction import FrictionAngles, angles_of_cone, shown
 
 _PRESSURE, _DENSITY, _NUMBER, _VISCOSITY = ({"unit": u} for u in ("Pa", "kg/m^3", "1", "Pa^3 s"))
 
 PRECONSOLIDATION = StateField("preconsolidation", "Pa", merge="log_mean")
 BONDING = StateField("bonding", "1")
 DISSIPATION = StateField("dissipation", "J/m^3")
+_LARGEST_PLANE_SLOPE = 1.0  # M of 35 degrees in plane strain: soils at the critical state have less
 
 
 class CamClay(MaterialParameters):
@@ -159,6 +162,24 @@ class CamClay(MaterialParameters):
         """Constant moduli, two (n,) arrays in Pa."""
         n = len(stress)
         return np.full(n, self.bulk_modulus), np.full(n, self.shear_modulus)
+
+    def friction_angles(self, dimension: int) -> FrictionAngles:
+        """The angles of the critical state in each kind of test; the same in both dimensions."""
+        return angles_of_cone(self.critical_state_slope / math.sqrt(3.0))
+
+    def doubts(self, stress, state) -> dict[str, str]:
+        """What looks wrong about the parameters in the dimension of the rows, by subject."""
+        angles = self.friction_angles(dimension_of(stress))
+        in_plane = dimension_of(stress) == 2 and not self.critical_state_slope <= _LARGEST_PLANE_SLOPE
+        if not in_plane and angles.compression is not None:
+            return {}
+        if in_plane:
+            advice = "in plane strain M = sqrt(3) sin(phi) gives the angle phi"
+            known = "" if angles.compression is None else f", {shown(angles.compression)} in triaxial compression"
+            acting = f"acts as {shown(angles.plane_strain)} in plane strain{known}"
+        else:
+            acting, advice = "has no limit in triaxial compression", "M = 6 sin(phi)/(3 - sin(phi)) stays below 3"
+        return {"friction": f"critical_state_slope {self.critical_state_slope:g} {acting}; {advice}"}
 
     def yield_surface(self, stress_row, state_row):
         """Points (p, q) in Pa of the yield ellipse of one row's state, for drawing."""

@@ -2,7 +2,8 @@
 
 Yield f = sqrt(J2) + eta p - xi c, flow potential sqrt(J2) + eta_bar p, p positive in tension (Drucker &
 Prager 1952). eta, xi and eta_bar follow from Mohr-Coulomb's c, phi and psi (de Souza Neto, Peric & Owen 2008,
-section 6.4); `_plane_strain_cone` generalises their plane strain match to psi != phi.
+section 6.4); `_plane_strain_cone` generalises their plane strain match to psi != phi. A cone can meet Mohr-Coulomb in
+one kind of test only: without `match` it is plane strain in two dimensions and triaxial compression in three.
 """
 
 import math
@@ -12,12 +13,15 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from periporo.core.numerics.jit import kernel
+from periporo.core.numerics.tensors import dimension_of
 from periporo.core.points.material import StateField
 from periporo.materials.base import MaterialParameters
+from periporo.materials.friction import FrictionAngles, angles_of_cone, shown
 
 _PRESSURE, _DENSITY, _DEGREES = ({"unit": u} for u in ("Pa", "kg/m^3", "deg"))
 
 DISSIPATION = StateField("dissipation", "J/m^3")
+_SAME_ANGLE = 1.0  # degrees
 
 
 class DruckerPrager(MaterialParameters):
@@ -37,8 +41,8 @@ class DruckerPrager(MaterialParameters):
     dilation_angle: float = Field(
         0.0, ge=0, lt=90, description="angle of dilation psi", json_schema_extra=_DEGREES
     )
-    match: Literal["plane_strain", "compression", "extension", "inscribed"] = Field(
-        "plane_strain", description="where the cone meets Mohr-Coulomb"
+    match: Literal["plane_strain", "compression", "extension", "inscribed"] | None = Field(
+        None, description="where the cone meets Mohr-Coulomb; by default in plane strain (2D) or compression (3D)"
     )
     tension_cutoff: float | None = Field(
         None, ge=0, description="largest mean stress", json_schema_extra=_PRESSURE
@@ -73,27 +77,44 @@ class DruckerPrager(MaterialParameters):
         """`dissipation` if it is reported."""
         return (DISSIPATION,) if self.report_dissipation else ()
 
-    @property
-    def cone(self) -> tuple[float, float, float]:
-        """eta, xi c in Pa and eta_bar of the yield function and the flow potential."""
-        phi, dilation = math.radians(self.friction_angle), _dilation(math.radians(self.dilation_angle))
-        match self.match:
+    def cone(self, dimension: int) -> tuple[float, float, float]:
+        """eta, xi c in Pa and eta_bar of the yield function and the flow potential in a space of `dimension`."""
+        phi, psi = math.radians(self.friction_angle), math.radians(self.dilation_angle)
+        match self.match or ("plane_strain" if dimension == 2 else "compression"):
             case "compression":
-                eta, xi = _edge_cone(phi, 1.0)
+                (eta, xi), (flow, _) = _edge_cone(phi, 1.0), _edge_cone(psi, 1.0)
             case "extension":
-                eta, xi = _edge_cone(phi, -1.0)
+                (eta, xi), (flow, _) = _edge_cone(phi, -1.0), _edge_cone(psi, -1.0)
             case "inscribed":
-                eta, xi = _plane_strain_cone(phi, _dilation(phi))
+                flow = _plane_dilation(psi)
+                eta, xi = _plane_strain_cone(phi, _plane_dilation(phi))
             case "plane_strain":
-                eta, xi = _plane_strain_cone(phi, dilation)
-        return eta, xi * self.cohesion, dilation
+                flow = _plane_dilation(psi)
+                eta, xi = _plane_strain_cone(phi, flow)
+        return eta, xi * self.cohesion, flow
 
-    @property
-    def largest_mean_stress(self) -> float:
+    def largest_mean_stress(self, dimension: int) -> float:
         """Mean stress in Pa at the cut-off or the apex, whichever is lower; infinite for von Mises."""
-        eta, strength, _ = self.cone
+        eta, strength, _ = self.cone(dimension)
         apex = strength / eta if eta > 0 else math.inf
         return apex if self.tension_cutoff is None else min(apex, self.tension_cutoff)
+
+    def friction_angles(self, dimension: int) -> FrictionAngles:
+        """The angles that the cone has in each kind of test."""
+        eta, _, flow = self.cone(dimension)
+        return angles_of_cone(eta, flow)
+
+    def doubts(self, stress, state) -> dict[str, str]:
+        """What looks wrong about the parameters in the dimension of the rows, by subject."""
+        dimension = dimension_of(stress)
+        angles = self.friction_angles(dimension)
+        acting, where = (angles.plane_strain, "plane strain") if dimension == 2 else (angles.compression, "compression")
+        if acting is not None and abs(acting - self.friction_angle) <= _SAME_ANGLE:
+            return {}
+        return {
+            "friction": f"friction_angle {self.friction_angle:g} acts as {shown(acting)} in {where} because of match: "
+            f"{self.match}; leave match out, or choose the angle for it"
+        }
 
     def initial_state(self, stress, ids, volume):
         """No memory: (n, 0), or (n, 1) zeros of dissipation."""
@@ -101,8 +122,9 @@ class DruckerPrager(MaterialParameters):
 
     def compute_stress(self, stress, strain_increment, state, dt):
         """Advance `stress` (n, 4|6) Pa by `strain_increment` in place; `dt` plays no part."""
-        eta, strength, dilation = self.cone
-        limit = self.largest_mean_stress
+        dimension = dimension_of(stress)
+        eta, strength, dilation = self.cone(dimension)
+        limit = self.largest_mean_stress(dimension)
         edge = max(strength - eta * limit, 0.0) if math.isfinite(limit) else strength
         _advance(
             self.bulk_modulus, self.shear_modulus, eta, strength, dilation, limit, edge, stress,
@@ -116,9 +138,10 @@ class DruckerPrager(MaterialParameters):
 
     def yield_surface(self, stress_row, state_row):
         """Points (p, q) in Pa of the meridian from the largest mean stress to beyond the given stress."""
-        eta, strength, _ = self.cone
+        dimension = dimension_of(stress_row)
+        eta, strength, _ = self.cone(dimension)
         p_now = float(np.mean(stress_row[:3]))
-        high = self.largest_mean_stress
+        high = self.largest_mean_stress(dimension)
         high = high if math.isfinite(high) else max(0.0, p_now)
         p = np.array([high, high, min(1.5 * p_now, -abs(high), -strength)])
         q = math.sqrt(3.0) * (strength - eta * p)
@@ -126,7 +149,7 @@ class DruckerPrager(MaterialParameters):
         return p, q
 
 
-def _dilation(psi: float) -> float:
+def _plane_dilation(psi: float) -> float:
     """eta_bar that gives the angle of dilation psi in plane strain."""
     return math.sqrt(3.0) * math.sin(psi) / math.sqrt(3.0 + math.sin(psi) ** 2)
 

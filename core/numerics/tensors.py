@@ -15,6 +15,11 @@ def component_count(dimension: int) -> int:
     return 4 if dimension == 2 else 6
 
 
+def dimension_of(rows: np.ndarray) -> int:
+    """The dimension, 2 or 3, of the scene whose symmetric tensors are stored as `rows` (..., 4|6)."""
+    return 2 if rows.shape[-1] == 4 else 3
+
+
 def to_matrix(rows: np.ndarray) -> np.ndarray:
     """Full tensors (n, 3, 3) from rows (n, 4) or (n, 6)."""
     full = np.zeros((len(rows), 3, 3))

@@ -23,7 +23,7 @@ def check_scene(path, comm) -> int:
     if not jit.cache_is_warm() and comm.rank == 0:
         print(jit.COMPILING, flush=True)
     sim.start()
-    doubts = [*_step_too_long(sim), *_too_soft(sim, scene)]
+    doubts = [*_step_too_long(sim), *_too_soft(sim, scene), *_doubts_of_laws(sim, scene)]
     sim.step()  # the first one measures the stable time step
     began, trials = time.perf_counter(), 20
     for _ in range(trials):
@@ -40,6 +40,8 @@ def check_scene(path, comm) -> int:
         print(f"  motion        {duration:g} s, about {steps:,.0f} steps or more as the soil deforms")
         cost = seconds * 1e6 / max(points, 1)
         print(f"  run time      about {steps * seconds:,.0f} s at {cost:.2f} us per point and step")
+        for line in _friction(scene):
+            print(f"  friction      {line}")
         for doubt in doubts:
             print(f"  doubtful      {doubt}")
     return 0
@@ -71,6 +73,27 @@ def _too_soft(sim, scene) -> list[str]:
                 f"the weight of {height:.3g} m of soil is {strain:.2g} of the bulk modulus, {softest:.3g} Pa, of "
                 f"material '{list(scene.materials)[block.index]}'; are its moduli in Pa?"
             )
+    return doubts
+
+
+def _friction(scene) -> list[str]:
+    """The angles of friction that each law has in this scene's dimension, where it can tell."""
+    laws = [(name, material.create()) for name, material in scene.materials.items()]
+    frictional = [(name, law) for name, law in laws if hasattr(law, "friction_angles")]
+    return [f"{name}: {law.friction_angles(scene.dimension)}" for name, law in frictional]
+
+
+def _doubts_of_laws(sim, scene) -> list[str]:
+    """What the laws find wrong with their parameters and rows; of several ranks the lowest that has a doubt speaks."""
+    doubts = []
+    for name, block in zip(scene.materials, sim.bonds.blocks, strict=True):
+        found = {}
+        if hasattr(block.material, "doubts"):
+            found = block.material.doubts(block.stress[block.active], block.state[block.active])
+        merged = {}
+        for mine in reversed(sim.comm.allgather(found)):
+            merged |= mine
+        doubts += [f"material '{name}': {text}" for text in merged.values()]
     return doubts
 
 

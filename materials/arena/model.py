@@ -16,6 +16,7 @@ from periporo.materials.arena.parameters import ArenaParameters
 from periporo.materials.arena.pores import fill_pores
 from periporo.materials.arena.surface import coefficients, squared_limit, weakened_surface
 from periporo.materials.arena.variability import strength_factors
+from periporo.materials.friction import FrictionAngles, angles_of_cone
 
 
 class Arena(ArenaParameters):
@@ -190,6 +191,27 @@ class Arena(ArenaParameters):
         evp = np.ascontiguousarray(state[:, EVP])
         fill_moduli(*self._packed[:2], i1 + 3.0 * pressure, pressure, evp, bulk, shear)
         return bulk, shear
+
+    def friction_angles(self, dimension: int, factor: float = 1.0) -> FrictionAngles:
+        """The angles of the shear limit at low pressure, of a row with strength `factor`."""
+        slope = factor * self.intact_strength()[1]
+        return angles_of_cone(3.0 * slope, 3.0 * self.BETA**2 * slope)
+
+    def doubts(self, stress: np.ndarray, state: np.ndarray) -> dict[str, str]:
+        """What looks wrong about the parameters and the rows' strength, by subject."""
+        column = self._columns[1]
+        strongest = float(state[:, column].max(initial=0.0)) if column >= 0 else 1.0
+        dimension = tensors.dimension_of(stress)
+        angles = self.friction_angles(dimension, strongest)
+        acting, where = (angles.plane_strain, "plane strain") if dimension == 2 else (angles.compression, "compression")
+        if acting is not None:
+            return {}
+        if strongest == 1.0:
+            return {"friction": f"FSLOPE {self.FSLOPE:g} has no limit in {where} at low pressure: nothing shears it"}
+        return {
+            "friction": f"FSLOPE {self.FSLOPE:g} times a strength factor of {strongest:.3g} has no limit in {where} at "
+            "low pressure; the size effect makes points that are smaller than weibull_reference_volume stronger"
+        }
 
     def derived_state(self, stress: np.ndarray, state: np.ndarray) -> dict[str, np.ndarray]:
         """Quantities that follow from the stored ones: porosity, saturation, branch point kappa (I1_eff, Pa).

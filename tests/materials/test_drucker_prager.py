@@ -49,7 +49,7 @@ def shear_root(rows):
 def test_return_satisfies_yield_and_flow(dilation):
     """On the cone plastic strain has the ratio eta_bar; at the apex it lies in the cone of normals."""
     material = soil(dilation_angle=dilation)
-    eta, strength, ratio = material.cone
+    eta, strength, ratio = material.cone(3)
     stress, increment = random_rows()
     new, plastic, _ = advance(material, stress, increment)
     f = shear_root(new) + eta * mean(new) - strength
@@ -59,7 +59,7 @@ def test_return_satisfies_yield_and_flow(dilation):
     flows = shear + np.abs(volumetric) > 1e-12
     apex = flows & (shear_root(new) < 1e-9 * strength)
     cone = flows & ~apex
-    assert 0.2 < flows.mean() < 0.95 and apex.mean() > 0.02 and cone.mean() > 0.2
+    assert 0.2 < flows.mean() < 0.95 and apex.mean() > 0.01 and cone.mean() > 0.2
     assert np.max(np.abs(f[cone])) < 1e-8 * strength
     np.testing.assert_allclose(volumetric[cone], ratio * shear[cone], rtol=1e-8, atol=1e-13)
     np.testing.assert_allclose(mean(new)[apex], strength / eta, rtol=1e-12)
@@ -120,16 +120,16 @@ def test_plane_strain_match_fails_as_mohr_coulomb(dilation):
 
 
 def test_without_friction_the_undrained_strength_is_the_cohesion():
-    """Plane strain: R = c; triaxial: q = sqrt(3) c. Mean stress stays elastic, also in tension."""
+    """Plane strain: R = c; triaxial compression: q = 2 c. Mean stress stays elastic, also in tension."""
     material = soil(friction_angle=0.0)
     assert plane_strain_failure(material)[0] == pytest.approx(5e3, rel=1e-12)
     new, _, _ = advance(material, np.zeros((1, 6)), np.array([[0.02, -0.01, 0.0, 0.0, 0.0, 0.0]]))
-    assert equivalent_shear(new)[0] == pytest.approx(np.sqrt(3) * 5e3, rel=1e-12)
+    assert equivalent_shear(new)[0] == pytest.approx(2 * 5e3, rel=1e-12)
     assert mean(new)[0] == pytest.approx(K * 0.01, rel=1e-12)
-    assert material.largest_mean_stress == np.inf
+    assert material.largest_mean_stress(3) == np.inf
 
 
-@pytest.mark.parametrize("match, sign", [("compression", 1.0), ("extension", -1.0)])
+@pytest.mark.parametrize("match, sign", [(None, 1.0), ("compression", 1.0), ("extension", -1.0)])
 def test_edges_meet_mohr_coulomb_in_triaxial_tests(match, sign):
     """sigma_1 - sigma_3 = 2 c cos(phi) - (sigma_1 + sigma_3) sin(phi) at failure, sigma_1 the largest."""
     material = soil(match=match)
@@ -143,10 +143,53 @@ def test_edges_meet_mohr_coulomb_in_triaxial_tests(match, sign):
     )
 
 
+@pytest.mark.parametrize("match, sign", [(None, 1.0), ("compression", 1.0), ("extension", -1.0)])
+def test_triaxial_dilation_is_that_of_mohr_coulomb(match, sign):
+    """de_v/de_1 = -2 sin(psi)/(1 - sin(psi)) in compression, 2 sin(psi)/(1 + sin(psi)) in extension, at failure."""
+    material = soil(match=match, dilation_angle=20.0)
+    stress = np.full((1, 6), -2e4) * [1, 1, 1, 0, 0, 0]
+    failed, _, _ = advance(material, stress, sign * np.array([[0.005, -0.01, 0.005, 0.0, 0.0, 0.0]]))
+    _, plastic, _ = advance(material, failed, sign * np.array([[5e-5, -1e-4, 5e-5, 0.0, 0.0, 0.0]]))
+    sine = np.sin(np.radians(20.0))
+    assert plastic[0, :3].sum() / plastic[0, 1] == pytest.approx(-2 * sign * sine / (1 - sign * sine), rel=1e-9)
+
+
+def test_the_cone_follows_the_dimension_and_its_angles_are_told():
+    """tan(22.2) in compression is what a cone of 30 degrees in plane strain has (de Souza Neto et al. 2008)."""
+    material = soil()
+    assert material.cone(2) == soil(match="plane_strain").cone(3)
+    assert material.cone(3) == soil(match="compression").cone(2)
+    plane, space = material.friction_angles(2), material.friction_angles(3)
+    assert plane.plane_strain == pytest.approx(30.0, rel=1e-12)
+    slope = np.sqrt(3.0) * 0.5  # q/|p| without dilation
+    assert plane.compression == pytest.approx(np.degrees(np.arcsin(3 * slope / (6 + slope))), rel=1e-12)
+    assert plane.compression == pytest.approx(22.2, abs=0.05)
+    assert space.compression == pytest.approx(30.0, rel=1e-12)
+    assert space.extension == pytest.approx(np.degrees(np.arcsin(3 * 1.2 / (6 - 1.2))), rel=1e-12)
+    assert space.plane_strain == pytest.approx(np.degrees(np.arcsin(1.2 / np.sqrt(3))), rel=1e-12)
+    assert soil(match="compression", friction_angle=45.0).friction_angles(2).plane_strain is None
+    assert soil(match="extension", dilation_angle=20.0).friction_angles(3).extension == pytest.approx(30.0, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("match", "dimension", "words"),
+    [
+        (None, 2, None), (None, 3, None), ("plane_strain", 2, None), ("compression", 3, None),
+        ("plane_strain", 3, "acts as 22.2 degrees in compression"),
+        ("compression", 2, "acts as 43.9 degrees in plane strain"),
+        ("extension", 3, "acts as 22.0 degrees in compression"),
+    ],
+)  # fmt: skip
+def test_a_cone_that_fits_another_test_is_doubted(match, dimension, words):
+    rows = np.zeros((0, 4 if dimension == 2 else 6))
+    doubts = soil(match=match).doubts(rows, rows[:, :0])
+    assert doubts == {} if words is None else words in doubts["friction"]
+
+
 def test_inscribed_cone_never_exceeds_mohr_coulomb():
     """Its Mohr-Coulomb function is at most 0 in every direction of the deviatoric plane, and touches 0."""
     material = soil(match="inscribed")
-    eta, strength, _ = material.cone
+    eta, strength, _ = material.cone(3)
     angle = np.linspace(0, 2 * np.pi, 3601)[:, None] + np.array([0, 2 * np.pi / 3, 4 * np.pi / 3])
     p = -2e4
     principal = p + 2 / np.sqrt(3) * (strength - eta * p) * np.cos(angle)
@@ -159,7 +202,7 @@ def test_inscribed_cone_never_exceeds_mohr_coulomb():
 
 def test_cutoff_keeps_the_shear_stress_that_the_cone_allows():
     material = soil(tension_cutoff=1e3)
-    eta, strength, _ = material.cone
+    eta, strength, _ = material.cone(2)
     edge = strength - eta * 1e3
     pull = np.zeros((2, 4))
     pull[:, :3] = 1e-3
@@ -167,7 +210,7 @@ def test_cutoff_keeps_the_shear_stress_that_the_cone_allows():
     new, _, _ = advance(material, np.zeros((2, 4)), pull)
     np.testing.assert_allclose(mean(new), 1e3, rtol=1e-12)
     np.testing.assert_allclose(new[:, 3], [0.5 * edge, edge], rtol=1e-12)
-    assert soil(tension_cutoff=1e9).largest_mean_stress == pytest.approx(5e3 / np.tan(np.radians(30.0)))
+    assert soil(tension_cutoff=1e9).largest_mean_stress(2) == pytest.approx(5e3 / np.tan(np.radians(30.0)))
 
 
 def test_reported_dissipation_is_the_work_of_the_plastic_strain():
@@ -183,11 +226,11 @@ def test_reported_dissipation_is_the_work_of_the_plastic_strain():
 def test_drawn_yield_surface_and_moduli():
     material = soil()
     p, q = material.yield_surface(np.array([-1e5, -1e5, -1e5, 0, 0, 0]), None)
-    eta, strength, _ = material.cone
+    eta, strength, _ = material.cone(3)
     assert q[0] == 0.0 and p[0] == pytest.approx(5e3 / np.tan(np.radians(30.0)))
     assert p[-1] == -1.5e5 and q[-1] == pytest.approx(np.sqrt(3) * (strength + eta * 1.5e5))
     p, q = soil(friction_angle=0.0).yield_surface(np.zeros(6), None)
-    np.testing.assert_allclose(q[1:], np.sqrt(3) * 5e3)
+    np.testing.assert_allclose(q[1:], 2 * 5e3)
     assert p[-1] < p[0]
     bulk, shear = material.elastic_moduli(np.zeros((2, 4)), np.zeros((2, 0)))
     assert bulk.tolist() == [K, K] and shear.tolist() == [MU, MU]

@@ -134,6 +134,22 @@ def test_check_doubts_a_step_that_is_too_long_and_moduli_that_are_too_small(call
     assert "doubtful" in out and f"material '{name}'; are its moduli in Pa?" in out
 
 
+def test_check_tells_the_angles_of_friction_and_doubts_cones_of_other_tests(call, scene, scene_of):
+    soil = {"model": "drucker_prager", "density": 1700.0, "bulk_modulus": 25e6, "shear_modulus": 15e6, "cohesion": 0.0,
+            "friction_angle": 30.0}  # fmt: skip
+    clay = {"model": "cam_clay", "grain_density": 2650.0, "porosity": 0.4, "bulk_modulus": 25e6, "shear_modulus": 15e6,
+            "critical_state_slope": 1.1, "compression_index": 0.1, "swelling_index": 0.02}  # fmt: skip
+    laws = {"plain": soil, "tilted": soil | {"match": "compression"}, "clay": clay, "sand": {"model": "arena"}}
+    status, out, _ = call("check", scene(materials=scene_of()["materials"] | laws))
+    assert status == 0
+    assert re.search(r"friction +plain: 22\.2 degrees in compression, .* 30\.0 degrees in plane strain", out)
+    assert re.search(r"friction +clay: 27\.7 degrees in compression, .* 39\.4 degrees in plane strain", out)
+    assert out.count("doubtful") == 3
+    assert "material 'tilted': friction_angle 30 acts as 43.9 degrees in plane strain" in out
+    assert "material 'clay': critical_state_slope 1.1 acts as 39.4 degrees in plane strain, 27.7" in out
+    assert "material 'sand': FSLOPE 0.453 has no limit in plane strain at low pressure" in out
+
+
 @pytest.mark.parametrize("word", ["run", "check"])
 def test_a_missing_file(call, tmp_path, word):
     assert_refused(call(word, "nowhere.yaml"), tmp_path, "nowhere.yaml", "no such file", left=())
