@@ -1,17 +1,18 @@
 """Arena on random states and increments: counts failures, NaN and states off the yield surface.
 
-python benchmarks/arena_random_states.py [number of increments, default 1000000]
+    python -m benchmarks arena_random_states [1000000]     # number of increments
 
 Each group of rows has random BETA (.3-2), CR (.05-.95) and saturation (0, 1 or between). A row is brought
 to a random state by two random increments and then takes the increment that counts; |de| up to 0.2.
 """
 
-import sys
 import time
 
 import numpy as np
 
 from periporo.materials.arena import Arena
+
+from . import option_parser
 
 GROUP = 10_000
 
@@ -56,7 +57,11 @@ def run(total, seed=0, tolerance=1e-3):
     return counts
 
 
-if __name__ == "__main__":
+def main(words=None):
+    """Print what went wrong, and the time."""
+    parser = option_parser(__name__, __doc__)
+    parser.add_argument("increments", type=int, nargs="?", default=1_000_000, help="number of increments")
+    increments = parser.parse_args(words).increments
     start = time.perf_counter()
-    print(run(int(sys.argv[1]) if len(sys.argv) > 1 else 1_000_000))
+    print(run(increments))
     print(f"{time.perf_counter() - start:.1f} s")

@@ -1,6 +1,6 @@
 """Time of Arena per row and update in the bond loop of a plane scene, one core.
 
-python benchmarks/arena_scene_speed.py
+    python -m benchmarks arena_scene_speed
 
 A block of points is made to follow a uniform velocity gradient in steps of |strain increment| = 1e-5. Plastic: after
 compression and shear by 5 %, and on; every row yields. Elastic: to and fro under 1 MPa in a preconsolidated soil.
@@ -12,6 +12,8 @@ from mpi4py import MPI
 
 from periporo.core.scene.build import build
 from periporo.io.schema.scene import parse_scene
+
+from . import option_parser
 
 DT, STEP, STEPS, POINTS = 1e-6, 1e-5, 200, 30
 LOADING = np.array([[-1.0, 0.0], [0.2, -0.2]]) / np.sqrt(1.06)  # strain of size 1
@@ -67,8 +69,9 @@ def time_per_row(sim, motion, alternate):
     return min(times) * 1e9, min(yielding), max(yielding)
 
 
-def main():
+def main(words=None):
     """Print one line per case with the targets."""
+    option_parser(__name__, __doc__).parse_args(words)
     print(f"{'ns per row and update':32s} elastic (<= 100)   plastic")
     for name, (parameters, target) in CASES.items():
         sim, motion = started({"p0": 3e7, **parameters}, 1e6)
@@ -82,7 +85,3 @@ def main():
         assert least > 0.99, least
         goal = f"(<= {1000 * target:.0f})" if target else ""
         print(f"{name:32s} {elastic:7.0f}          {plastic:7.0f} {goal}")
-
-
-if __name__ == "__main__":
-    main()

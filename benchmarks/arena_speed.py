@@ -1,6 +1,6 @@
 """Speed of Arena per row and update, and error against time for tolerances and fixed substeps.
 
-python benchmarks/arena_speed.py          one core; the best of many repetitions counts
+    python -m benchmarks arena_speed     # one core; the best of many repetitions counts
 """
 
 import time
@@ -8,6 +8,8 @@ import time
 import numpy as np
 
 from periporo.materials.arena import Arena
+
+from . import option_parser
 
 ROWS = 1000  # a call shorter than a time slice, so that the best of many is undisturbed
 STEP = 1e-5  # |strain increment| of one update
@@ -119,6 +121,8 @@ def accuracy_table():
                 print(f"S0 = {saturation:3.1f}  {label:9s} {value:8g}  error {error:7.1e}  {seconds * 1e6:8.1f} us")
 
 
-if __name__ == "__main__":
+def main(words=None):
+    """Print both tables."""
+    option_parser(__name__, __doc__).parse_args(words)
     skip_table()
     accuracy_table()

@@ -1,14 +1,15 @@
 """What a bond makes of the Weibull draws of its two ends: distribution at points, bonds, and point averages.
 
-python benchmarks/arena_variability.py [figure.png]
+    python -m benchmarks arena_variability [figure.png]
 """
 
 import math
-import sys
 
 import numpy as np
 
 from periporo.materials.arena.variability import strength_factors
+
+from . import option_parser
 
 MODULUS, REFERENCE_VOLUME, VOLUME, SEED = 4.0, 1e-3, 1e-6, 1
 SIDE, REACH = 120, 2  # points per side of a square grid, and how many points a bond spans at most
@@ -35,7 +36,11 @@ def averages(bonds, values):
     return total / np.bincount(bonds.ravel())
 
 
-def main():
+def main(words=None):
+    """Print the quantiles; draw the densities if a figure is named."""
+    parser = option_parser(__name__, __doc__)
+    parser.add_argument("figure", nargs="?", help="file of a picture of the densities")
+    figure = parser.parse_args(words).figure
     points = np.repeat(np.arange(SIDE * SIDE)[:, None], 2, axis=1)
     bonds = grid_bonds()
     size = (REFERENCE_VOLUME / VOLUME) ** (1 / MODULUS)
@@ -57,7 +62,7 @@ def main():
         rows[name] = (np.quantile(sample, quantiles), sample.mean(), sample.std())
     for name, (values, mean, deviation) in rows.items():
         print(f"{name:24s}" + "".join(f"{v:8.3f}" for v in values) + f"{mean:8.3f}{deviation:7.3f}")
-    if len(sys.argv) > 1:
+    if figure:
         import matplotlib.pyplot as plt
 
         for name, sample in samples.items():
@@ -67,8 +72,4 @@ def main():
         plt.xlabel("strength factor / size effect")
         plt.ylabel("density")
         plt.legend()
-        plt.savefig(sys.argv[1], dpi=150)
-
-
-if __name__ == "__main__":
-    main()
+        plt.savefig(figure, dpi=150)

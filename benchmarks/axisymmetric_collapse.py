@@ -1,6 +1,6 @@
 """Cylinders of sand that collapse, against the measurements of Lube et al. (2004).
 
-    python benchmarks/axisymmetric_collapse.py [--points 42000] [--aspects 1 2] [--stiffer 1] [--slope M] [--folder DIR]
+    python -m benchmarks axisymmetric_collapse [--points 42000] [--aspects 1 2] [--stiffer 1] [--slope M] [--folder DIR]
         [--figure FILE]
 
 A quarter of a cylinder, as in configs/axisymmetric_collapse.yaml, is run at heights of one and of two radii, with more
@@ -11,21 +11,22 @@ draws the deposits. Exit status 1 if a run-out is more than 25 % from the measur
 end.
 """
 
-import argparse
 import contextlib
 import sys
 from pathlib import Path
 
 import numpy as np
 import yaml
-from study.cylinders import draw
-from study.laws import lube_axisymmetric_height, lube_axisymmetric_run_out
 
 from periporo.core.cli import main as periporo
 from periporo.io.input.yaml_source import read_yaml
 from periporo.io.output.results import ResultError, open_results
 
-CONFIG = Path(__file__).resolve().parent.parent / "configs" / "axisymmetric_collapse.yaml"
+from . import ROOT, option_parser
+from .library.study.cylinders import draw
+from .library.study.laws import lube_axisymmetric_height, lube_axisymmetric_run_out
+
+CONFIG = ROOT / "configs" / "axisymmetric_collapse.yaml"
 RADIUS = 0.05  # m
 ASPECTS = (1.0, 2.0)  # height over radius
 TOLERANCE = 0.25
@@ -105,9 +106,9 @@ def is_finished(path: Path) -> bool:
         return False
 
 
-def main():
+def main(words=None):
     """Run both cylinders and compare."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = option_parser(__name__, __doc__)
     parser.add_argument("--points", type=int, default=POINTS, help="points of a quarter, about")
     parser.add_argument("--aspects", type=float, nargs="+", default=ASPECTS, help="heights over the radius")
     parser.add_argument("--folder", type=Path, default=Path("axisymmetric_collapse"), help="where the runs are kept")
@@ -115,7 +116,7 @@ def main():
     parser.add_argument("--stiffer", type=float, default=1.0, help="factor of the moduli")
     parser.add_argument("--slope", type=float, help="slope M of the critical state line")
     parser.add_argument("--figure", type=Path, help="file of the picture")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(words)
     sound, results = True, {}
     print("| " + " | ".join(COLUMNS) + " |\n" + "|---" * len(COLUMNS) + "|")
     for aspect in arguments.aspects:
@@ -132,7 +133,3 @@ def main():
     if arguments.figure:
         draw(results, RADIUS, arguments.figure)
     sys.exit(0 if sound else 1)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """What it takes to make a cloud of displaced points as accurate as a grid: bonds in balance under uniform stress.
 
-    python benchmarks/balanced_bonds.py [--quick] [--jitter 0.1]
+    python -m benchmarks balanced_bonds [--quick] [--jitter 0.1]
 
 On displaced points the forces of a uniform stress do not balance, g_i = sum_b c_b dL_b/dv_i is not zero, and points
 move until they do: the cloud is softer than its material. This script assembles the linear operator of
@@ -13,15 +13,15 @@ solves the manufactured problem V6 with each; the table goes to docs/figures/bal
   tilt, n  the same after n conjugate-residual iterations in place of a direct solution
 """
 
-import argparse
-from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as solvers
 from scipy.spatial import cKDTree
 
-TABLE = Path(__file__).resolve().parent.parent / "docs" / "figures" / "balanced_bonds.md"
+from . import FIGURES, option_parser
+
+TABLE = FIGURES / "balanced_bonds.md"
 BULK, SHEAR = 25e6, 15e6  # Pa
 LAME = BULK - 2.0 / 3.0 * SHEAR
 HORIZON = 2.2  # spacings
@@ -148,12 +148,12 @@ def conjugate_residual(system, right, iterations):
     return x
 
 
-def main():
+def main(words=None):
     """Solve, print, and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = option_parser(__name__, __doc__)
     parser.add_argument("--quick", action="store_true", help="coarse clouds; the table is only printed")
     parser.add_argument("--jitter", type=float, default=0.1, help="largest shift of a point along an axis, spacings")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(words)
     resolutions = (8, 16) if arguments.quick else (8, 16, 32, 64)
     rows = {}
     for cells in resolutions:
@@ -179,7 +179,3 @@ def main():
     print("\n".join(lines))
     if not arguments.quick:
         TABLE.write_text("\n".join(lines) + "\n")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """Split-Hopkinson-bar tests of Mason sand: the material alone, and a bar of points, against the measurement.
 
-python benchmarks/bar_tests.py       draws docs/figures/bar_drive.png and docs/figures/bar_impact.png
+    python -m benchmarks bar_tests     # draws docs/figures/bar_drive.png and docs/figures/bar_impact.png
 
 The two tests go through `periporo drive` with the files of tests/materials/data/shpb; the dry one also as the
 scene configs/bar_impact.yaml on two ranks.
@@ -16,9 +16,9 @@ import numpy as np
 
 from periporo.io.output.results import open_results
 
-ROOT = Path(__file__).parents[1]
+from . import FIGURES, ROOT, option_parser
+
 DATA = ROOT / "tests" / "materials" / "data" / "shpb"
-FIGURES = ROOT / "docs" / "figures"
 SCENE = ROOT / "configs" / "bar_impact.yaml"
 COMMAND = (sys.executable, "-m", "periporo.core.cli")
 TITLES = {"dry": "dry, porosity 0.36", "wet": "saturation 0.656, porosity 0.426"}
@@ -90,8 +90,9 @@ def _saved(figure, name: str) -> Path:
     return FIGURES / name
 
 
-def main():
+def main(words=None):
     """Print the peaks and draw the figures."""
+    option_parser(__name__, __doc__).parse_args(words)
     with tempfile.TemporaryDirectory() as folder:
         columns = {name: driven(name, Path(folder)) for name in TITLES}
         bar = struck_bar(Path(folder))
@@ -104,7 +105,3 @@ def main():
     print(f"largest difference of its stress history from the driven point: {100 * gap:.2f} % of the peak")
     print(draw_tests(columns))
     print(draw_bar(bar, columns["dry"]))
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """Columns of soil that collapse under their weight: runs all cases and remakes docs/column_collapse.md.
 
-    python benchmarks/column_collapse_study.py [--quick] [--only PATTERN] [--folder DIR] [--draw]
+    python -m benchmarks column_collapse_study [--quick] [--only PATTERN] [--folder DIR] [--draw]
 
 Each case of configs/studies/column_collapse.yaml runs in a folder of its own below DIR, as an ordinary scene. What is
 finished is skipped, what was interrupted goes on. Then the pictures in docs/figures and the table at the end of the
@@ -9,34 +9,33 @@ leaves pictures and table in DIR. --only takes the cases whose name matches a pa
 status 1 if a run failed.
 """
 
-import argparse
 import sys
 import time
 from fnmatch import fnmatch
 from pathlib import Path
 
-from study import figures, table
-from study.cases import Study, is_finished, run
+from . import FIGURES, ROOT, option_parser
+from .library.study import figures, table
+from .library.study.cases import Study, is_finished, run
 
-ROOT = Path(__file__).resolve().parent.parent
 STUDY = ROOT / "configs" / "studies" / "column_collapse.yaml"
 QUICK_SPACING = 5e-3  # m
 
 
-def main():
+def main(words=None):
     """Run, draw, tabulate."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = option_parser(__name__, __doc__)
     parser.add_argument("--quick", action="store_true", help="spacing 5 mm, pictures and table into the folder")
     parser.add_argument("--only", default="*", metavar="PATTERN", help="only cases whose name matches")
     parser.add_argument("--folder", type=Path, default=Path("column_collapse"), help="where the runs are kept")
     parser.add_argument("--draw", action="store_true", help="run nothing")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(words)
     folder = arguments.folder.resolve()
     study = Study(STUDY, QUICK_SPACING if arguments.quick else None)
     failed = [] if arguments.draw else run_all(study, arguments.only, folder)
     done = {case: folder / case.name for case in study.cases if is_finished(folder / case.name)}
     spacing = QUICK_SPACING if arguments.quick else 2.5e-3
-    figures.draw_all(done, spacing, folder / "pictures" if arguments.quick else ROOT / "docs" / "figures")
+    figures.draw_all(done, spacing, folder / "pictures" if arguments.quick else FIGURES)
     rows = table.lines(done)
     print("\n".join([*rows, *table.scatter_lines(done)]))
     if arguments.quick:
@@ -60,7 +59,3 @@ def run_all(study, pattern, folder):
         if status:
             failed.append(case.name)
     return failed
-
-
-if __name__ == "__main__":
-    main()

@@ -1,16 +1,19 @@
-"""Speed of plane P waves on a grid, over the true one: python benchmarks/dispersion.py [--folder docs/figures]
+"""Speed of plane P waves on a grid, over the true one.
+
+    python -m benchmarks dispersion [--folder docs/figures]
 
 A wave u = cos k(x - x_c) in a block much larger than the horizon is given to the program's own kernels; the force on
 the point at its middle says omega^2. Writes dispersion.md and dispersion.png.
 """
 
-import argparse
 from pathlib import Path
 
 import numpy as np
-from stability import DENSITY, SCHEMES, SPACING, WAVE_SPEED, block
 
 from periporo.core.motion.timestep import apply_stiffness
+
+from . import FIGURES, option_parser
+from .library.elastic_block import DENSITY, SCHEMES, SPACING, WAVE_SPEED, block
 
 CASES = (("constant", 2.1), ("constant", 3.1), ("conical", 2.0), ("cubic", 2.2), ("cubic", 3.0))
 LENGTHS = np.array([3, 4, 5, 6, 8, 10, 14, 20, 40])  # spacings
@@ -31,16 +34,16 @@ def phase_speeds(scheme, influence, m, lengths) -> np.ndarray:
     return np.array(speeds)
 
 
-def main():
+def main(words=None):
     """Table at 20 and 10 spacings, and curves for cubic influence."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--folder", type=Path, default=Path(__file__).parent.parent / "docs" / "figures")
-    folder = parser.parse_args().folder
+    parser = option_parser(__name__, __doc__)
+    parser.add_argument("--folder", type=Path, default=FIGURES)
+    folder = parser.parse_args(words).folder
     lines = ["| scheme | " + " | ".join(f"{i}, m = {m}" for i, m in CASES) + " |", "|---" * (len(CASES) + 1) + "|"]
     figure, axes = plt.subplots(figsize=(8, 4.2), layout="constrained")
     for scheme in SCHEMES:
@@ -54,7 +57,3 @@ def main():
     axes.axhline(1.0, color="k", lw=0.5)
     axes.legend()
     figure.savefig(folder / "dispersion.png", dpi=130)
-
-
-if __name__ == "__main__":
-    main()

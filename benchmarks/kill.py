@@ -1,4 +1,6 @@
-"""Kills a run again and again and compares what it ends with: `python benchmarks/kill.py [--kills 30] [--ranks 2]`.
+"""Kills a run again and again and compares what it ends with.
+
+    python -m benchmarks kill [--kills 30] [--ranks 2]
 
 A small column collapses with a checkpoint every twentieth of a second. SIGKILL comes at a random moment of each part,
 also while it starts, writes results or a checkpoint; the next part starts with --resume. With several ranks it hits
@@ -6,7 +8,6 @@ one of them, or mpirun, and the rest must be gone at once. After every kill the 
 VTK; in the end it must equal, bit for bit, that of a run on one rank that was left alone.
 """
 
-import argparse
 import os
 import random
 import signal
@@ -19,6 +20,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 import yaml
+
+from . import option_parser
 
 SCENE = {
     "dimension": 2, "spacing": 0.01, "gravity": [0.0, -9.81],
@@ -95,13 +98,13 @@ def found(folder):
     return f"checkpoints {steps}, {outputs} outputs in h5py and VTK"
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def main(words=None):
+    parser = option_parser(__name__, __doc__)
     parser.add_argument("--kills", type=int, default=30)
     parser.add_argument("--ranks", type=int, default=1)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--latest", type=float, default=2.5, help="s after the start of a part")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(words)
     moments, folder = random.Random(arguments.seed), Path(tempfile.mkdtemp(prefix="kill-"))
     (folder / "scene.yaml").write_text(yaml.safe_dump(SCENE))
     subprocess.run(COMMAND, cwd=folder, check=True)
@@ -126,7 +129,3 @@ def main():
     outcome = "the same, bit for bit" if same else "DIFFERENT"
     print(f"{kills} kills, {arguments.ranks} ranks; the results are {outcome} ({folder})")
     raise SystemExit(0 if same and kills > 0 else 1)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,23 +1,24 @@
 """Draws the limit loads of V20 and V21 for docs/verification.md.
 
-    python benchmarks/limit_loads.py [--quick]
+    python -m benchmarks limit_loads [--quick]
 
 Load against settlement of the strip footing, with the refinements of the table; and how the crest of the vertical cut
 and the surface of the infinite slope move on either side of their limits, in both cases until they stand or go on.
 """
 
-import argparse
 from pathlib import Path
 
 import matplotlib
 import numpy as np
-from verification_cases import footing, slopes
-from verification_cases.common import GRAVITY, Recorder, owned
+
+from .library.verification_cases import footing, slopes
+from .library.verification_cases.common import GRAVITY, Recorder, owned
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
-FIGURES = Path(__file__).resolve().parent.parent / "docs" / "figures"
+from . import FIGURES, option_parser
+
 SCHEME = "bond_projected"
 
 
@@ -50,12 +51,12 @@ def _percent(curve):
     return 100.0 * settled, load
 
 
-def main():
+def main(words=None):
     """Draw both figures."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = option_parser(__name__, __doc__)
     parser.add_argument("--quick", action="store_true", help="few points")
     parser.add_argument("--folder", type=Path, default=FIGURES, help="where the figures go")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(words)
     figure, axes = plt.subplots(1, 3, figsize=(14, 4.2), constrained_layout=True)
     draw_footing(axes[0], (8, 16) if arguments.quick else (12, 24, 48))
     rows, scheme = 10 if arguments.quick else 20, footing.flowing(SCHEME)
@@ -69,7 +70,3 @@ def main():
     draw_motion(axes[2], layers, "infinite slope, φ = 30°")
     arguments.folder.mkdir(parents=True, exist_ok=True)
     figure.savefig(arguments.folder / "limit_loads.png", dpi=110)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,8 @@
-"""Time per row of the built-in laws: python benchmarks/material_rows.py [rows]"""
+"""Time per row of the built-in laws.
 
-import sys
+    python -m benchmarks material_rows [rows]
+"""
+
 import time
 
 import numpy as np
@@ -9,6 +11,8 @@ from periporo.core.numerics.tensors import equivalent_shear
 from periporo.materials.cam_clay import CamClay
 from periporo.materials.drucker_prager import DruckerPrager
 from periporo.materials.elastic import Elastic
+
+from . import option_parser
 
 REPEATS = 20
 
@@ -38,8 +42,11 @@ def nanoseconds(material, stress, increment, state):
     return 1e9 * best / len(stress)
 
 
-def main():
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
+def main(words=None):
+    """Print a row for each law and kind of step."""
+    parser = option_parser(__name__, __doc__)
+    parser.add_argument("rows", type=int, nargs="?", default=20_000, help="rows of a law")
+    count = parser.parse_args(words).rows
     clay = CamClay.example()
     laws = {
         "elastic": Elastic.example(),
@@ -53,7 +60,3 @@ def main():
         for strain, what in ((1e-6, "small steps"), (1e-4, "large steps"), (-1e-6, "unloading")):
             times = [nanoseconds(law, *rows_in_shear(law, count, c, strain)) for c in (4, 6)]
             print(f"{name:20} {what:12} {times[0]:12.1f} {times[1]:15.1f}")
-
-
-if __name__ == "__main__":
-    main()

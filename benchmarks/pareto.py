@@ -1,6 +1,6 @@
 """Run time against error: which scheme, horizon, influence and time step are worth their cost?
 
-    python benchmarks/pareto.py [--quick] [--problem V5] [--draw] [--folder docs/figures]
+    python -m benchmarks pareto [--quick] [--problem V5] [--draw] [--folder docs/figures]
 
 Sweeps scheme x influence x m x spacing x safety of the time step over five problems: V5, plane P and S packets (error
 of the phase speed); V6, a manufactured solution on a grid and on a cloud (displacement, L2); V7, a column under its
@@ -16,17 +16,18 @@ equilibrium in some problem is left out. Writes pareto_<problem>.csv, pareto.md 
 alone leaves the others' figures as they are; --draw runs none.
 """
 
-import argparse
 import csv
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from verification_cases import OPTIONS, collapse, columns, manufactured, waves
-from verification_cases.common import P_SPEED, S_SPEED, owned
 
 from periporo.core.motion.relaxation import RelaxationError
+
+from . import FIGURES, option_parser
+from .library.verification_cases import OPTIONS, collapse, columns, manufactured, waves
+from .library.verification_cases.common import P_SPEED, S_SPEED, owned
 
 REFERENCES = ("bond_projected", "point_state, sharpened")
 REPEATED_BELOW = 0.1  # s: shorter runs are timed three times
@@ -290,14 +291,14 @@ def draw(found, path):
     plt.close(figure)
 
 
-def main(arguments=None):
+def main(words=None):
     """Run, write, draw."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = option_parser(__name__, __doc__)
     parser.add_argument("--quick", action="store_true", help="few and small runs: a minute")
     parser.add_argument("--problem", choices=PROBLEMS, help="only this one")
     parser.add_argument("--draw", action="store_true", help="tables and picture of the runs that are there")
-    parser.add_argument("--folder", type=Path, default=Path(__file__).parent.parent / "docs" / "figures")
-    arguments = parser.parse_args(arguments)
+    parser.add_argument("--folder", type=Path, default=FIGURES)
+    arguments = parser.parse_args(words)
     arguments.folder.mkdir(parents=True, exist_ok=True)
     chosen = [arguments.problem] if arguments.problem else PROBLEMS
     for name in [] if arguments.draw else chosen:
@@ -310,7 +311,3 @@ def main(arguments=None):
     (arguments.folder / "pareto.md").write_text("\n".join(lines) + "\n")
     print("\n".join(lines))
     draw(found, arguments.folder / "pareto.png")
-
-
-if __name__ == "__main__":
-    main()

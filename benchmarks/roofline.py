@@ -1,4 +1,6 @@
-"""Each kernel of an elastic step against this machine: python benchmarks/roofline.py [--side 40] [--dimension 2]
+"""Each kernel of an elastic step against this machine.
+
+    python -m benchmarks roofline [--side 40] [--dimension 2]
 
 Measured in the same run: the rate of fused multiply-adds in vectors, and the rates at which one core streams memory
 that lies in its second cache and in main memory. Per point and kernel: flops and bytes (counted from the source: what a
@@ -6,14 +8,15 @@ pass reads and writes for each of its items, wherever it lies), time, and the sh
 neither is bound by its instructions: looking up the two ends of a pair and adding to them, one by one.
 """
 
-import argparse
 import time
 
 import numpy as np
 from numba import njit
-from step_time import block
 
 from periporo.core.correspondence import flux, kinematics, moments, point_state, sharpening
+
+from . import option_parser
+from .library.blocks import block
 
 # flops per pair or point, (2D, 3D): additions and multiplications, divisions and roots as one each
 FLOPS = {
@@ -105,11 +108,11 @@ def kernels(sim) -> dict:
     }  # fmt: skip
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def main(words=None):
+    parser = option_parser(__name__, __doc__)
     parser.add_argument("--side", type=int, default=40, help="points along an edge of the block")
     parser.add_argument("--dimension", type=int, choices=(2, 3), default=2)
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(words)
     flops, cache, memory = machine()
     sim = block(arguments.dimension, arguments.side, "elastic")
     for _ in range(3):
@@ -128,7 +131,3 @@ def main():
               f"{100 * work / seconds / flops:.0f} % | {moved / seconds / 1e9:.0f} | "
               f"{100 * moved / seconds / cache:.0f} % |")  # fmt: skip
     print(f"| all | | | {total * 1e9:.1f} | | | | |")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,18 +1,17 @@
 """Scaling: what ranks send each other, how evenly the work is divided, and how long a step takes.
 
-    python benchmarks/scaling.py sweep --dimension 2 --points 400 --weak   # 1 ... 16 ranks, as many points on each
-    python benchmarks/scaling.py sweep --dimension 3 --points 13824        # the same number of points on all of them
-    mpirun -n 4 python benchmarks/scaling.py collapse                      # balance while a column spreads fivefold
-    mpirun -n 2 python benchmarks/scaling.py speedup --side 200            # 40 000 points in the plane, 1 and 2 ranks
-    mpirun -n 2 python benchmarks/scaling.py speedup --side 40 --dimension 3   # 64 000 points in space
-    mpirun -n 2 python benchmarks/scaling.py parts --side 200              # where the time of a step goes
-    python benchmarks/scaling.py memory --side 2000                        # 4 million points: set up and step
+    python -m benchmarks scaling sweep --dimension 2 --points 400 --weak   # 1 ... 16 ranks, as many points on each
+    python -m benchmarks scaling sweep --dimension 3 --points 13824        # the same number of points on all of them
+    mpirun -n 4 python -m benchmarks scaling collapse                      # balance while a column spreads fivefold
+    mpirun -n 2 python -m benchmarks scaling speedup --side 200            # 40 000 points in the plane, 1 and 2 ranks
+    mpirun -n 2 python -m benchmarks scaling speedup --side 40 --dimension 3   # 64 000 points in space
+    mpirun -n 2 python -m benchmarks scaling parts --side 200              # where the time of a step goes
+    python -m benchmarks scaling memory --side 2000                        # 4 million points: set up and step
 
 Only `speedup` and `parts` measure time, and mean something with a core for each rank. The rest is counted, so that
 ranks may share cores. `sweep` starts `count` by mpirun, which takes the same words.
 """
 
-import argparse
 import json
 import os
 import resource
@@ -27,6 +26,8 @@ from mpi4py import MPI
 from periporo.core.scene.build import build
 from periporo.core.scene.check import state_bytes
 from periporo.io.schema.scene import parse_scene
+
+from . import ROOT, option_parser
 
 COMM = MPI.COMM_WORLD
 ELASTIC = {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
@@ -145,9 +146,10 @@ def sweep(arguments):
 def start(ranks, *words):
     """Standard output of this program on a number of ranks."""
     mpirun = Path(sys.executable).with_name("mpirun")
-    command = [str(mpirun), "-n", str(ranks), sys.executable, __file__, *map(str, words)]
+    command = [str(mpirun), "-n", str(ranks), sys.executable, "-m", "benchmarks", "scaling", *map(str, words)]
     patience = SHARED_CORES if ranks > (os.cpu_count() or 1) else {}
-    return subprocess.run(command, check=True, env=os.environ | patience, stdout=subprocess.PIPE, text=True).stdout
+    run = subprocess.run(command, check=True, cwd=ROOT, env=os.environ | patience, stdout=subprocess.PIPE, text=True)
+    return run.stdout
 
 
 def collapse(arguments):
@@ -254,8 +256,8 @@ ACTIONS = {"count": count, "sweep": sweep, "collapse": collapse, "speedup": spee
            "memory": memory}  # fmt: skip
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def main(words=None):
+    parser = option_parser(__name__, __doc__)
     parser.add_argument("what", choices=ACTIONS)
     parser.add_argument("--dimension", type=int, default=2, choices=(2, 3))
     parser.add_argument("--side", type=int, default=100, help="points along each axis")
@@ -265,9 +267,5 @@ def main():
     parser.add_argument("--ranks", type=int, nargs="+", default=RANKS, help="of sweep, powers of two")
     parser.add_argument("--steps", type=int, default=100)
     parser.add_argument("--rounds", type=int, default=9, help="of speedup")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(words)
     ACTIONS[arguments.what](arguments)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,17 +1,20 @@
-"""Time per point of the schemes, one core: python benchmarks/scheme_time.py [points]
+"""Time per point of the schemes, one core.
+
+    python -m benchmarks scheme_time [points]
 
 Prints the two halves of each scheme, elastic, and then the whole step of Cam-Clay that is sheared so that every row
 flows, in turns, with the time of bond_projected over that of the scheme. Processor time, the least of some runs.
 """
 
-import sys
 import time
 
 import numpy as np
-from stability import block
-from step_time import block as soil_block
-from step_time import shear
-from verification_cases import OPTIONS
+
+from . import option_parser
+from .library.blocks import block as soil_block
+from .library.blocks import shear
+from .library.elastic_block import block
+from .library.verification_cases import OPTIONS
 
 REPEATS = 9
 CASES = ((2, "cubic", 2.2), (2, "cubic", 3.0), (3, "cubic", 2.2), (3, "cubic", 3.0))
@@ -68,7 +71,10 @@ def advance(sim, steps):
         sim.step()
 
 
-if __name__ == "__main__":
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 8000
+def main(words=None):
+    """Print both tables."""
+    parser = option_parser(__name__, __doc__)
+    parser.add_argument("points", type=int, nargs="?", default=8000, help="points of a block, about")
+    count = parser.parse_args(words).points
     halves(count)
     flowing(count)

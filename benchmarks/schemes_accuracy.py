@@ -1,6 +1,6 @@
 """Verification cases by every correspondence scheme, with measured orders of convergence.
 
-    python benchmarks/schemes_accuracy.py [--quick] [--only V6] [--scheme sub_horizon] [--folder DIR] [--draw]
+    python -m benchmarks schemes_accuracy [--quick] [--only V6] [--scheme sub_horizon] [--folder DIR] [--draw]
 
 Runs the cases V2, V3 and V5 to V9 of benchmarks/verification_cases at full size by every scheme (an hour or two) and
 writes docs/figures/schemes_accuracy.md. Each case of a scheme leaves a file in DIR and is not repeated; --draw only
@@ -9,18 +9,18 @@ makes the table of what is there. --quick runs the small sizes of the tests and 
 stable scheme is not met.
 """
 
-import argparse
 import json
 import sys
 import time
 from dataclasses import asdict
 from pathlib import Path
 
-from verification_cases import CASES, SCHEMES, Figure
-
 from periporo.core.motion.relaxation import RelaxationError
 
-TABLE = Path(__file__).resolve().parent.parent / "docs" / "figures" / "schemes_accuracy.md"
+from . import FIGURES, option_parser
+from .library.verification_cases import CASES, SCHEMES, Figure
+
+TABLE = FIGURES / "schemes_accuracy.md"
 NAMES = ("V5", "V6", "V7", "V8", "V9", "V2", "V3")  # the longest last
 
 
@@ -69,15 +69,15 @@ def _cell(figures, k, target):
     return value if target == "recorded" or figures[k].met else f"**{value}**"
 
 
-def main():
+def main(words=None):
     """Run and tabulate."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = option_parser(__name__, __doc__)
     parser.add_argument("--quick", action="store_true", help="small sizes, table into the folder")
     parser.add_argument("--only", choices=NAMES, help="only this case")
     parser.add_argument("--scheme", choices=SCHEMES, help="only this scheme")
     parser.add_argument("--folder", type=Path, default=Path("schemes_accuracy"), help="where the figures are kept")
     parser.add_argument("--draw", action="store_true", help="run nothing")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(words)
     folder, full = arguments.folder.resolve(), not arguments.quick
     results = {}
     for name in NAMES:
@@ -91,7 +91,3 @@ def main():
     (TABLE if full else folder / TABLE.name).write_text("\n".join(lines) + "\n")
     required = [f for (_, scheme), figures in results.items() if scheme == SCHEMES[0] for f in figures]
     sys.exit(0 if all(f.met for f in required) else 1)
-
-
-if __name__ == "__main__":
-    main()

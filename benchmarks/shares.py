@@ -1,4 +1,6 @@
-"""Where the time of a collapse goes: python benchmarks/shares.py [--steps 1500] [--scheme bond_projected]
+"""Where the time of a collapse goes.
+
+    python -m benchmarks shares [--steps 1500] [--scheme bond_projected]
 
 The column of configs/column_collapse.yaml with 1600 and with 40 000 points, as in the middle of its fall: it is given
 the velocity of a spreading deposit, half a metre per second at its edges. Laws and bond kernels against all the rest:
@@ -6,15 +8,16 @@ neighbours, contact, exchange, time step, loads and Python. Steps and spacings s
 spacings.
 """
 
-import argparse
 import importlib.resources
 
 from mpi4py import MPI
-from step_time import SCHEMES
 
 from periporo.core.scene.build import build
 from periporo.io.input.yaml_source import read_yaml
 from periporo.io.schema.scene import parse_scene
+
+from . import option_parser
+from .library.blocks import SCHEMES
 
 KERNELS = ("strain", "material", "internal force")
 SPEED, WIDTH, HEIGHT = 0.5, 0.05, 0.1  # m/s, m, m
@@ -36,11 +39,11 @@ def flowing(spacing: float, scheme: str):
     return sim
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def main(words=None):
+    parser = option_parser(__name__, __doc__)
     parser.add_argument("--steps", type=int, default=1500, help="of either column")
     parser.add_argument("--scheme", choices=SCHEMES, default="default")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(words)
     columns = []
     for spacing in (2.5e-3, 5e-4):
         sim = flowing(spacing, arguments.scheme)
@@ -63,7 +66,3 @@ def main():
         print(f"| {name} | " + " | ".join(f"{parts.get(name, 0.0):.1f}" for _, parts, *_ in columns) + " |")
     print("| us per point and step | " + " | ".join(f"{cost:.2f}" for *_, cost in columns) + " |")
     print("| steps between rebuilds | " + " | ".join(f"{every:.0f}" for *_, every, _ in columns) + " |")
-
-
-if __name__ == "__main__":
-    main()

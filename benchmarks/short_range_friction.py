@@ -1,8 +1,10 @@
 """What the published short-range "friction" resists, against Coulomb's law: the mean over the normal force.
 
+    python -m benchmarks short_range_friction
+
 A point of 1 kg slides at 1 m/s along a substrate under its weight; the mean resistance follows from its loss of
 kinetic energy. The last column is the largest slope that the substrate offers without any friction: what it takes
-to pull a point out of the row. Run: python benchmarks/short_range_friction.py
+to pull a point out of the row.
 """
 
 import numpy as np
@@ -13,6 +15,8 @@ from periporo.contact.surfaces import Plane
 from periporo.core.motion.energy import ForceChannels
 from periporo.core.motion.integrator import drift, first_kick, second_kick
 from periporo.core.points.particles import Particles
+
+from . import option_parser
 
 SPACING, STIFFNESS, MASS, G, DT = 0.01, 4e6, 1.0, 9.81, 2e-5
 
@@ -73,7 +77,9 @@ def published(friction, spacing):
                                friction=friction, cutoff=0.8 * SPACING)  # fmt: skip
 
 
-if __name__ == "__main__":
+def main(words=None):
+    """Print resistance and slope of both laws."""
+    option_parser(__name__, __doc__).parse_args(words)
     print("law        friction  substrate  mean resistance/N  largest slope")
     for friction in (0.25, 0.5):
         floor = Plane([0.0, 0.0], [0.0, 1.0])

@@ -1,4 +1,6 @@
-"""What optional features cost, and that they cost nothing when they are off: python benchmarks/skip.py [--side 100]
+"""What optional features cost, and that they cost nothing when they are off.
+
+    python -m benchmarks skip [--side 100]
 
 A square of Cam-Clay under its own stress is run for the same steps with and without each feature, in turn; the median
 ratio of the processor times is its cost. "Off" is the time that the steps of a bare scene spend in its place in the
@@ -7,17 +9,18 @@ is a scene that has none of the features, nor what every scene has if it does no
 points that come too close, and the strains in the results. These two have rows of their own.
 """
 
-import argparse
 import time
 
 import numpy as np
 from mpi4py import MPI
-from step_time import MATERIALS
 
 from periporo.contact.repulsion import Repulsion
 from periporo.core.points.fields import StrainMeasures
 from periporo.core.scene.build import build
 from periporo.io.schema.scene import parse_scene
+
+from . import option_parser
+from .library.blocks import MATERIALS
 
 SOIL = MATERIALS["cam_clay"]
 STEPS, STEP = 200, 0.5 / 160.0  # of the spacing over the wave speed
@@ -68,11 +71,11 @@ def run(scene: dict, without: tuple = ()) -> tuple[float, dict]:
     return time.process_time() - began, sim.timing.seconds
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def main(words=None):
+    parser = option_parser(__name__, __doc__)
     parser.add_argument("--side", type=int, default=100, help="points along an edge of the square")
     parser.add_argument("--repeats", type=int, default=5)
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(words)
     plain = square(arguments.side, {})
     run(plain)
     rows = {name: (square(arguments.side, change), (), part) for name, (change, part) in FEATURES.items()}
@@ -89,7 +92,3 @@ def main():
             off.append(parts.get(part, 0.0) / sum(parts.values()))
         idle = f"{100 * np.median(off):.2f}" if part not in ("integration", "material") else "part of the step"
         print(f"| {name} | {100 * (np.median(ratios) - 1.0):+.1f} | {idle} |", flush=True)
-
-
-if __name__ == "__main__":
-    main()

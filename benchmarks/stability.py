@@ -1,6 +1,6 @@
 """Spectra of the correspondence schemes: are they stable, and what costs no energy?
 
-    python benchmarks/stability.py [--quick] [--scheme point_state] [--folder docs/figures]
+    python -m benchmarks stability [--quick] [--scheme point_state] [--folder docs/figures]
 
 For a free elastic block the linear operator of each scheme is assembled by probing the program's own kernels with
 unit displacements, over influence function, horizon m, jitter and dimension. Of its eigenvalues omega^2 the table
@@ -10,40 +10,21 @@ Writes stability.csv, stability.md and the plots stability_growth.png, stability
 figures of one scheme are only printed.
 """
 
-import argparse
 import csv
 import itertools
 import time
 from pathlib import Path
 
 import numpy as np
-from mpi4py import MPI
 
-from periporo.core.correspondence.bond_projected import BondProjected
-from periporo.core.correspondence.point_state import PointState
-from periporo.core.correspondence.standard import Standard
-from periporo.core.correspondence.sub_horizon import SubHorizon
-from periporo.core.correspondence.sub_horizon_published import SubHorizonPublished
-from periporo.core.motion.timestep import StableTimeStep, apply_stiffness
-from periporo.core.points.particles import Particles
-from periporo.core.simulation import Simulation
-from periporo.materials.elastic import Elastic
+from periporo.core.motion.timestep import apply_stiffness
 
-BULK, SHEAR, DENSITY, SPACING = 25e6, 15e6, 1760.0, 0.005
-WAVE_SPEED = np.sqrt((BULK + 4.0 / 3.0 * SHEAR) / DENSITY)
+from . import FIGURES, option_parser
+from .library.elastic_block import SCHEMES, SPACING, WAVE_SPEED, block
+
 ZERO = 1e-9  # eigenvalues below this part of the largest are motions without energy
 ROUNDING = 1e-13  # and below this they are rounding
 
-SCHEMES = {
-    "bond_projected": BondProjected,
-    "point_state": PointState,
-    "point_state, sharpened": lambda h, name: PointState(h, name, sharpened=SPACING),
-    "sub_horizon": SubHorizon,
-    "standard": Standard,
-    "published": SubHorizonPublished,
-    "published, own ends": lambda h, name: SubHorizonPublished(h, name, average_ends=False),
-    "published, no self": lambda h, name: SubHorizonPublished(h, name, self_point=False),
-}
 RUNS = (  # with constant influence, lattice points exactly at the horizon would flicker in and out of it: m = 2.1
     ("bond_projected", "cubic", 2.2), ("point_state", "cubic", 2.2), ("point_state", "constant", 2.1),
     ("point_state, sharpened", "cubic", 2.2), ("point_state, sharpened", "constant", 2.1),
@@ -56,27 +37,6 @@ COLUMNS = (
     "scheme", "dimension", "influence", "m", "jitter", "asymmetry", "most_negative", "most_complex", "growth",
     "zero_modes", "lowest", "stable_step", "chosen_step",
 )  # fmt: skip
-
-
-def block(counts, scheme, influence, m, jitter, safety=1.0, seed=3) -> Simulation:
-    """A free elastic block of `counts` points, moved off their grid by up to `jitter` spacings, in its first step."""
-    axes = np.meshgrid(*((np.arange(n) + 0.5) * SPACING for n in counts), indexing="ij")
-    position = np.stack([a.ravel() for a in axes], axis=1)
-    position += jitter * SPACING * np.random.default_rng(seed).uniform(-1, 1, position.shape)
-    n, d = position.shape
-    particles = Particles(d)
-    sim = Simulation(
-        MPI.COMM_SELF, particles, [Elastic(density=DENSITY, bulk_modulus=BULK, shear_modulus=SHEAR)],
-        SCHEMES[scheme](m * SPACING, influence), spacing=SPACING, skin=0.3 * SPACING,
-        time_step=StableTimeStep(safety, None, 10),
-    )  # fmt: skip
-    owned = {f.name: np.zeros(n if f.columns is None else (n, f.columns), f.dtype) for f in particles.migrating()}
-    owned |= {"id": np.arange(n), "position": position, "volume": np.full(n, SPACING**d), "dilation": np.ones(n)}
-    owned["mass"] = DENSITY * owned["volume"]
-    owned["initial_position"] = owned["reference_position"] = position.copy()
-    particles.replace(owned, 0)
-    sim.start()
-    return sim
 
 
 def operator(sim) -> np.ndarray:
@@ -219,18 +179,18 @@ def plot_runs(plt, runs, path):
     figure.savefig(path, dpi=130)
 
 
-def main():
+def main(words=None):
     """Spectra, table and plots."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = option_parser(__name__, __doc__)
     parser.add_argument("--quick", action="store_true", help="small blocks, few cases: a minute")
     parser.add_argument("--scheme", choices=SCHEMES, help="only this one; what is written is left as it is")
-    parser.add_argument("--folder", type=Path, default=Path(__file__).parent.parent / "docs" / "figures")
-    arguments = parser.parse_args()
+    parser.add_argument("--folder", type=Path, default=FIGURES)
+    arguments = parser.parse_args(words)
     arguments.folder.mkdir(parents=True, exist_ok=True)
     began, rows, spectra = time.perf_counter(), [], {}
     chosen = SCHEMES if arguments.scheme is None else (arguments.scheme,)
@@ -259,7 +219,3 @@ def main():
     plot_growth(plt, rows, arguments.folder / "stability_growth.png")
     plot_modes(plt, spectra, arguments.folder / "stability_modes.png")
     plot_runs(plt, runs, arguments.folder / "stability_runs.png")
-
-
-if __name__ == "__main__":
-    main()

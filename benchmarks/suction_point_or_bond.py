@@ -1,8 +1,10 @@
 """Where pore water should enter the force: out of balance where there is exact balance, for both choices.
 
+    python -m benchmarks suction_point_or_bond
+
 A free block whose bonds all carry the effective stress -P I, with a pore stress of P, has no total stress: every
 force should vanish. With the water in the bonds it does, to the last bit. With the water at the points (P V I added
-to Z_i) it does so only inside a regular grid. Run: python benchmarks/suction_point_or_bond.py
+to Z_i) it does so only inside a regular grid.
 """
 
 import numpy as np
@@ -11,6 +13,8 @@ from mpi4py import MPI
 from periporo.core.correspondence import bond_projected as scheme
 from periporo.core.scene.build import build
 from periporo.io.schema.scene import parse_scene
+
+from . import option_parser
 
 SPACING = 0.01
 
@@ -47,7 +51,9 @@ def out_of_balance(jitter, at_points):
     return np.sqrt((force**2).sum(axis=1)) / SPACING
 
 
-if __name__ == "__main__":
+def main(words=None):
+    """Print the force of either placing, on a grid and on a shaken one."""
+    option_parser(__name__, __doc__).parse_args(words)
     print("out-of-balance force over P x spacing (largest, root of mean square)")
     for jitter in (0.0, 0.2):
         for name, at_points in (("in the bonds", False), ("at the points", True)):

@@ -1,6 +1,6 @@
 """Uniaxial compression of an elastic block: oscillations of the stress and what removes them.
 
-    python benchmarks/uniaxial_compression.py [--quick] [--only PATTERN] [--folder DIR] [--draw]
+    python -m benchmarks uniaxial_compression [--quick] [--only PATTERN] [--folder DIR] [--draw]
 
 Example 1 of Menon & Song (2022, section 4.1): quasi-static and dynamic, by every scheme. Each case runs in a folder
 of its own below DIR, as an ordinary scene. What is finished is skipped, what was interrupted goes on. Then the
@@ -10,7 +10,6 @@ a pattern such as 'static-*'. Exit status 1 if a stable scheme fails, or oscilla
 with the constant influence of the publication.
 """
 
-import argparse
 import contextlib
 import sys
 import time
@@ -21,8 +20,6 @@ from pathlib import Path
 import numpy as np
 import yaml
 from mpi4py import MPI
-from uniaxial_figures import draw
-from verification_cases import BALANCED, OPTIONS
 
 from periporo.core.cli import RUN_ERROR
 from periporo.core.cli import main as periporo
@@ -31,7 +28,10 @@ from periporo.core.scene.build import build
 from periporo.io.output.results import ResultError, open_results
 from periporo.io.schema.scene import parse_scene
 
-FIGURES = Path(__file__).resolve().parent.parent / "docs" / "figures"
+from . import FIGURES, option_parser
+from .library.uniaxial_figures import draw
+from .library.verification_cases import BALANCED, OPTIONS
+
 SCENE, RESULT, FAILURE = "block.yaml", "block.h5", "failure.npz"
 LENGTH = 0.975  # m, between the innermost held points
 LAYERS = 3  # columns of points that are held, or driven, at each end
@@ -277,14 +277,14 @@ def table(done: dict[Case, Measured]) -> tuple[list[str], bool]:
     return lines, sound
 
 
-def main():
+def main(words=None):
     """Run, draw, tabulate."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = option_parser(__name__, __doc__)
     parser.add_argument("--quick", action="store_true", help="1100 points, pictures and table into the folder")
     parser.add_argument("--only", default="*", metavar="PATTERN", help="only cases whose name matches")
     parser.add_argument("--folder", type=Path, default=Path("uniaxial_compression"), help="where the runs are kept")
     parser.add_argument("--draw", action="store_true", help="run nothing")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(words)
     folder = arguments.folder.resolve()
     cases = quick_cases() if arguments.quick else all_cases()
     for case in [] if arguments.draw else cases:
@@ -299,7 +299,3 @@ def main():
     (target / "uniaxial_compression.md").write_text("\n".join(lines) + "\n")
     draw(done, target)
     sys.exit(0 if sound else 1)
-
-
-if __name__ == "__main__":
-    main()

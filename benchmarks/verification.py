@@ -1,20 +1,19 @@
 """Remakes the figures of docs/verification.md.
 
-    python benchmarks/verification.py [--quick] [--case V5] [--scheme sub_horizon]
+    python -m benchmarks verification [--quick] [--case V5] [--scheme sub_horizon]
 
 Runs every case, or one, and prints what it measures and must meet; exit status 1 if a target is missed. At full
 size, which takes about an hour, it puts the rows of the cases that it ran into the table; --quick runs the small
 sizes of the tests, and --scheme runs cases with another correspondence scheme: both only print.
 """
 
-import argparse
 import sys
 import time
-from pathlib import Path
 
-from verification_cases import CASES, OPTIONS, SCHEMES
+from . import ROOT, option_parser
+from .library.verification_cases import CASES, OPTIONS, SCHEMES
 
-PAGE = Path(__file__).parent.parent / "docs" / "verification.md"
+PAGE = ROOT / "docs" / "verification.md"
 HEAD = "| case | what | figure | value | target | met | seconds |"
 
 
@@ -44,14 +43,14 @@ def write(fresh, names):
     PAGE.write_text("\n".join([f"{text}{HEAD}", "|---|---|---|---|---|---|---|", *lines]) + "\n")
 
 
-def main():
+def main(words=None):
     """Run, print, and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = option_parser(__name__, __doc__)
     parser.add_argument("--quick", action="store_true", help="small sizes; the table is left as it is")
     parser.add_argument("--case", choices=sorted({c.name for c in CASES}), help="only this case")
     schemes = list(dict.fromkeys([*SCHEMES, *OPTIONS]))
     parser.add_argument("--scheme", choices=schemes, help="another scheme; the table is left as it is")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(words)
     chosen = [case for case in CASES if arguments.case in (None, case.name)]
     lines, sound = [], True
     print(HEAD)
@@ -63,7 +62,3 @@ def main():
             done = {c.name for c in chosen[: chosen.index(case) + 1]}
             write(lines, done)  # now, so that an interrupted run keeps what it has
     sys.exit(0 if sound else 1)
-
-
-if __name__ == "__main__":
-    main()

@@ -21,8 +21,8 @@ class ShortRangePublished:
     over the normal force is .004 to .06 for coefficients of .25 and .5 and a substrate spacing of a tenth to a
     quarter of the body's. What resists sliding is the roughness of a row of points: without any friction it takes
     .80 of the normal force to leave a row at the body's own spacing, .16 at a quarter and .06 at a tenth
-    (`benchmarks/short_range_friction.py`). It is here to redraw the published results; `periporo.contact.rigid` has
-    Coulomb's law.
+    (`python -m benchmarks short_range_friction`). It is here to redraw the published results;
+    `periporo.contact.rigid` has Coulomb's law.
 
     `lower`, `upper` (d,) m corners of the box, filled with points `substrate_spacing` m apart, half of that inside
     its faces. The repulsion goes to the channel `contact`, the rest to `friction`.

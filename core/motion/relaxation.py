@@ -1,7 +1,7 @@
 """Quasi-static relaxation by FIRE (Bitzek et al. 2006) on the simulation's own time step.
 
 Velocities are steered towards the out-of-balance force while they do positive work on it, and stopped when they
-do not. `benchmarks/relaxation.py` compares it with viscous and kinetic damping.
+do not. `python -m benchmarks relaxation` compares it with viscous and kinetic damping.
 """
 
 import math

@@ -7,17 +7,21 @@ extras, scripts, their options and the tests' names must exist. Commands within 
 parsed if they are periporo's own. A comment `<!-- file: NAME -->` before a fence saves the block under this name.
 """
 
+import importlib
 import re
 import shlex
 import subprocess
 import sys
 import tomllib
+from contextlib import redirect_stdout
 from functools import cache
+from io import StringIO
 from pathlib import Path
 
 import pytest
 import yaml
 
+from benchmarks.__main__ import benchmarks
 from periporo.core import cli
 from periporo.core.motion.dissipation import PlasticDissipation
 from periporo.core.motion.energy import WORK
@@ -174,16 +178,17 @@ def check(words):
 
 
 def check_python(words):
-    """A script of ours must exist and know the options; code must compile."""
+    """A benchmark must exist and know the options; code must compile; a script without a folder is the reader's."""
     if "-c" in words:
         compile(words[words.index("-c") + 1], "<command>", "exec")
-        return
-    scripts = [word for word in words if word.endswith(".py")]
-    assert scripts or words[1:3] == ["-m", "venv"], f"nothing is known of: {' '.join(words)}"
-    for script in (s for s in scripts if "/" in s):  # one without a folder is the reader's own
-        known = help_of(ROOT / script)
+    elif words[1:3] == ["-m", "benchmarks"]:
+        known = help_of(words[3]) if len(words) > 3 else ""
         for option in (w.split("=")[0] for w in words if w.startswith("--")):
-            assert option in known, f"{script} has no option {option}"
+            assert option in known, f"the benchmark {words[3]} has no option {option}"
+    elif words[1].endswith(".py"):
+        assert "/" not in words[1] or (ROOT / words[1]).exists(), f"{words[1]} does not exist"
+    else:
+        assert words[1:3] == ["-m", "venv"], f"nothing is known of: {' '.join(words)}"
 
 
 def check_pip(words):
@@ -225,13 +230,12 @@ def parse_own(words):
 
 
 @cache
-def help_of(script):
-    """What a script says of its options; scripts without options name none."""
-    if "argparse" not in script.read_text():
-        return ""
-    done = subprocess.run([sys.executable, str(script), "--help"], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+def help_of(benchmark):
+    """What a benchmark says of its options."""
+    assert benchmark in benchmarks(), f"there is no benchmark {benchmark}"
+    with redirect_stdout(StringIO()) as said, pytest.raises(SystemExit):
+        importlib.import_module(f"benchmarks.{benchmark}").main(["--help"])
+    return said.getvalue()
 
 
 @pytest.fixture

@@ -451,7 +451,7 @@ def test_yield_surface_curve():
 
 
 def test_random_states_and_increments():
-    """Reduced form of benchmarks/arena_random_states.py: no failure, no NaN, nothing off the surface."""
+    """Reduced form of the benchmark `arena_random_states`: no failure, no NaN, nothing off the surface."""
     rng = np.random.default_rng(3)
     for saturation in (0.0, 0.02, 0.5, 0.98, 1.0):
         material = Arena(

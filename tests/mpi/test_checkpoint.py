@@ -215,7 +215,7 @@ def test_the_wall_time_ends_a_run_in_time(mpirun, tmp_path):
 
 
 def test_killed_runs_resume_and_end_alike(tmp_path):
-    """SIGKILL at three random moments; `benchmarks/kill.py` does it thirty times."""
+    """SIGKILL at three random moments; `python -m benchmarks kill` does it thirty times."""
     write_scene(tmp_path, column())
     command = [sys.executable, *CLI, "scene.yaml", *QUIET]
     assert subprocess.run(command, cwd=tmp_path, timeout=120).returncode == 0

@@ -1,28 +1,9 @@
 """The benchmark of collapsing cylinders with few points: stopped, resumed, measured, skipped when finished."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
-import pytest
-
-_FOLDER = Path(__file__).parents[2] / "benchmarks"
+from benchmarks import axisymmetric_collapse as benchmark
 
 
-@pytest.fixture(scope="module")
-def benchmark():
-    """The script as a module; it imports its neighbour `study`."""
-    sys.path.insert(0, str(_FOLDER))
-    try:
-        spec = importlib.util.spec_from_file_location("axisymmetric_collapse", _FOLDER / "axisymmetric_collapse.py")
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-    finally:
-        sys.path.remove(str(_FOLDER))
-    return module
-
-
-def test_a_small_cylinder_collapses_to_rest_and_is_not_run_again(benchmark, tmp_path, capsys):
+def test_a_small_cylinder_collapses_to_rest_and_is_not_run_again(tmp_path, capsys):
     text = benchmark.scene(1.0, 100)
     result = tmp_path / benchmark.RESULT
     assert benchmark.run(text, tmp_path, walltime=1e-3) == 0 and not benchmark.is_finished(result)
@@ -39,7 +20,7 @@ def test_a_small_cylinder_collapses_to_rest_and_is_not_run_again(benchmark, tmp_
     assert benchmark.line(1.0, m).count("|") == len(benchmark.COLUMNS) + 1
 
 
-def test_the_parameters_of_a_variant(benchmark):
+def test_the_parameters_of_a_variant():
     plain, changed = benchmark.scene(2.0, 42_000), benchmark.scene(2.0, 42_000, stiffer=4.0, slope=1.2)
     sand, stiff = plain["materials"]["sand"], changed["materials"]["sand"]
     assert stiff["bulk_modulus"] == 4 * sand["bulk_modulus"] and stiff["shear_modulus"] == 4 * sand["shear_modulus"]

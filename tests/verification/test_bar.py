@@ -1,27 +1,16 @@
 """Split-Hopkinson-bar tests of Mason sand: the command `drive`, and a bar of points struck at its end on two ranks."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from benchmarks import bar_tests as bars
+
 # peak axial stress: of an independent integration of the model, and as measured, Pa
 PEAKS = {"dry": (264.2e6, 245.9e6), "wet": (222.9e6, 214.35e6)}
 
 
-@pytest.fixture(scope="module")
-def bars():
-    """The benchmark `benchmarks/bar_tests.py`, which holds the commands."""
-    spec = importlib.util.spec_from_file_location("bar_tests", ROOT / "benchmarks" / "bar_tests.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.parametrize("name", PEAKS)
-def test_driven_point_reaches_the_peak_of_the_model_near_the_measured_one(bars, tmp_path, name):
+def test_driven_point_reaches_the_peak_of_the_model_near_the_measured_one(tmp_path, name):
     columns = bars.driven(name, tmp_path)
     model, measured = PEAKS[name]
     assert -columns["stress_xx"].min() == pytest.approx(model, rel=1e-2)
@@ -35,7 +24,7 @@ def test_driven_point_reaches_the_peak_of_the_model_near_the_measured_one(bars, 
     }
 
 
-def test_struck_bar_on_two_ranks_follows_the_driven_point(bars, tmp_path):
+def test_struck_bar_on_two_ranks_follows_the_driven_point(tmp_path):
     """Apart from its inertia (0.7 MPa) the bar is one point; at the peak it stands still.
 
     The points beside the driven ones strain less, which costs 1.0 % of stress at this spacing.

@@ -1,30 +1,15 @@
 """The study of column collapse at small size: its cases, one of them run to rest, and what is measured of it."""
 
-import importlib.util
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks.column_collapse_study import STUDY as FILE
+from benchmarks.library.study import cases, laws, table
 from periporo.io.schema.scene import parse_scene
 
-_ROOT = Path(__file__).parents[2]
-
-
-def _part(name):
-    """A module of benchmarks/study, which belongs to the checkout, not to the installed package."""
-    package = sys.modules.get("study")
-    if package is None:
-        spec = importlib.util.spec_from_file_location("study", _ROOT / "benchmarks" / "study" / "__init__.py")
-        package = sys.modules["study"] = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(package)
-    return importlib.import_module(f"study.{name}")
-
-
-cases, laws, table = _part("cases"), _part("laws"), _part("table")
-STUDY = cases.Study(_ROOT / "configs" / "studies" / "column_collapse.yaml")
+STUDY = cases.Study(FILE)
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +39,7 @@ def test_the_sweeps_are_there():
 
 
 def test_a_spacing_replaces_that_of_all_cases():
-    quick = cases.Study(_ROOT / "configs" / "studies" / "column_collapse.yaml", 5e-3)
+    quick = cases.Study(FILE, 5e-3)
     assert {case.spacing for case in quick.cases} == {5e-3}
     assert len(set(quick.cases)) == len(quick.cases)
 

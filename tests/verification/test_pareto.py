@@ -1,53 +1,37 @@
-"""The study of run time against error, `benchmarks/pareto.py`, on very few and small runs."""
-
-import importlib.util
-import sys
-from pathlib import Path
+"""The study of run time against error, the benchmark `pareto`, on very few and small runs."""
 
 import numpy as np
 import pytest
 
+from benchmarks import pareto
 from periporo.io.schema.scene import SceneInput
 
-_FOLDER = Path(__file__).parents[2] / "benchmarks"
 
-
-@pytest.fixture(scope="module")
-def pareto():
-    """The benchmark, which belongs to the checkout and imports its neighbours."""
-    sys.path.insert(0, str(_FOLDER))
-    spec = importlib.util.spec_from_file_location("pareto", _FOLDER / "pareto.py")
-    module = sys.modules.setdefault("pareto", importlib.util.module_from_spec(spec))
-    spec.loader.exec_module(module)
-    yield module
-    sys.path.remove(str(_FOLDER))
-
-
-def runs_of(pareto, *rows):
+def runs_of(*rows):
     return [pareto.Run(pareto.Choice(scheme), n, error, seconds) for scheme, n, error, seconds in rows]
 
 
-def test_front_and_excess(pareto):
-    runs = runs_of(pareto, ("a", 1, 0.4, 1.0), ("a", 2, 0.1, 8.0), ("b", 1, 0.5, 1.5), ("b", 2, 0.1, 4.0),
+def test_front_and_excess():
+    runs = runs_of(("a", 1, 0.4, 1.0), ("a", 2, 0.1, 8.0), ("b", 1, 0.5, 1.5), ("b", 2, 0.1, 4.0),
                    ("c", 1, 0.2, 2.0), ("c", 2, 0.15, 30.0))  # fmt: skip
     assert [(r.choice.scheme, r.resolution) for r in pareto.front(runs)] == [("a", 1), ("c", 1), ("b", 2)]
     assert pareto.excess(runs, pareto.Choice("a")) == pytest.approx(2.0**0.5)  # 1 and 8 s in place of 4
     assert pareto.excess(runs, pareto.Choice("c")) == pytest.approx(7.5**0.5)  # 2 s, and 30 in place of 4
     assert pareto.excess(runs, pareto.Choice("b")) == pytest.approx(1.5**0.5)
     assert np.isnan(pareto.excess(runs, pareto.Choice("d")))
-    runs += runs_of(pareto, ("standard", 1, 0.3, 0.5), ("standard", 2, 0.01, 9.0))  # quicker, but it is not stable
+    runs += runs_of(("standard", 1, 0.3, 0.5), ("standard", 2, 0.01, 9.0))  # quicker, but it is not stable
     assert pareto.excess(runs, pareto.Choice("a")) == pytest.approx(2.0**0.5)
     assert pareto.excess(runs, pareto.Choice("standard")) == pytest.approx(0.25**0.5)  # nothing beats its second run
     assert [r.choice.scheme for r in pareto.front(pareto.stable(runs))] == ["a", "c", "b"]
 
 
-def test_what_is_nowhere_worse_and_somewhere_better_dominates(pareto):
+def test_what_is_nowhere_worse_and_somewhere_better_dominates():
     one, other, third = np.array([1.0, 2.0]), np.array([1.0, 3.0]), np.array([0.5, 4.0])
     assert pareto.dominates(one, other) and not pareto.dominates(other, one)
     assert not pareto.dominates(one, one) and not pareto.dominates(one, third) and not pareto.dominates(third, one)
 
 
-def test_defaults_are_those_of_the_program(pareto):
+def test_defaults_are_those_of_the_program():
     fields = SceneInput.model_fields
     assert fields["horizon"].default == pareto.DEFAULT.m and fields["influence"].default == pareto.DEFAULT.influence
     default = fields["correspondence"].get_default(call_default_factory=True)
@@ -55,7 +39,7 @@ def test_defaults_are_those_of_the_program(pareto):
     assert fields["time_step"].get_default(call_default_factory=True).safety == pareto.DEFAULT.safety
 
 
-def test_a_sweep_is_written_read_and_drawn(pareto, tmp_path, monkeypatch):
+def test_a_sweep_is_written_read_and_drawn(tmp_path, monkeypatch):
     monkeypatch.setattr(pareto, "choices", lambda quick: [pareto.Choice("bond_projected"), pareto.DEFAULT])
     monkeypatch.setattr(pareto, "SCHEMES", {k: pareto.SCHEMES[k] for k in ("bond_projected", "point_state, sharpened")})
     pareto.main(["--quick", "--problem", "V6 grid", "--folder", str(tmp_path)])
@@ -69,7 +53,7 @@ def test_a_sweep_is_written_read_and_drawn(pareto, tmp_path, monkeypatch):
     assert (tmp_path / "pareto.png").stat().st_size > 10_000
 
 
-def test_errors_of_waves_and_deposits(pareto):
+def test_errors_of_waves_and_deposits():
     assert 0.02 < pareto.wave_error(10, pareto.Choice("bond_projected")) < 0.06
     assert pareto.wave_error(10, pareto.DEFAULT) < 0.006
     one = np.stack([np.linspace(0.0, 2.0, 200), np.linspace(0.0, 1.0, 200)])

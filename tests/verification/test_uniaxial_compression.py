@@ -1,30 +1,16 @@
 """The block under uniaxial compression at small size: `standard` oscillates, the stable schemes do not."""
 
-import importlib
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks import uniaxial_compression as study
 from periporo.io.schema.scene import parse_scene
 
-_BENCHMARKS = str(Path(__file__).parents[2] / "benchmarks")
-
 
 @pytest.fixture(scope="module")
-def study():
-    """The module benchmarks/uniaxial_compression.py, which belongs to the checkout."""
-    sys.path.insert(0, _BENCHMARKS)
-    try:
-        yield importlib.import_module("uniaxial_compression")
-    finally:
-        sys.path.remove(_BENCHMARKS)
-
-
-@pytest.fixture(scope="module")
-def measured(study, tmp_path_factory):
+def measured(tmp_path_factory):
     """The quick cases, run, by loading and scheme."""
     folder, cases = tmp_path_factory.mktemp("uniaxial"), study.quick_cases()
     for case in cases:
@@ -32,7 +18,7 @@ def measured(study, tmp_path_factory):
     return {case: study.measure(case, folder / case.name) for case in cases}, folder
 
 
-def test_the_cases_of_the_publication_are_there_and_valid(study):
+def test_the_cases_of_the_publication_are_there_and_valid():
     cases = study.all_cases()
     assert len({c.name for c in cases}) == len(cases)
     plain = {(c.loading, c.scheme, c.horizon) for c in cases if c.counts == (200, 60) and c.influence == "constant"}
@@ -48,7 +34,7 @@ def test_the_cases_of_the_publication_are_there_and_valid(study):
         assert (upper - lower)[1] == pytest.approx(0.3, rel=0.07 if case.counts == study.QUICK else 0.01)
 
 
-def test_oscillations_are_gone_and_the_stress_is_right(study, measured):
+def test_oscillations_are_gone_and_the_stress_is_right(measured):
     done, _ = measured
     lines, sound = study.table(done)
     assert sound and len(lines) == 2 + len(done) == 14
@@ -60,7 +46,7 @@ def test_oscillations_are_gone_and_the_stress_is_right(study, measured):
             assert middle == pytest.approx(-40e6 * 0.5e-3 / 0.975, rel=0.02 if case.loading == "static" else 0.06)
 
 
-def test_the_published_force_bursts_in_motion_and_oscillates_at_rest(study, measured):
+def test_the_published_force_bursts_in_motion_and_oscillates_at_rest(measured):
     done, _ = measured
     for case, m in done.items():
         if case.scheme == "sub_horizon_published" and case.loading == "dynamic":
@@ -72,7 +58,7 @@ def test_the_published_force_bursts_in_motion_and_oscillates_at_rest(study, meas
             assert m.growth is None
 
 
-def test_the_measure_is_the_variation_beyond_a_monotone_profile(study, measured):
+def test_the_measure_is_the_variation_beyond_a_monotone_profile(measured):
     case, m = next(iter(measured[0].items()))
     steady = np.linspace(-3.0, -1.0, len(m.axial)) * case.stress
     assert study.oscillation(case, replace(m, axial=steady)) == pytest.approx(0.0, abs=1e-12)
@@ -82,7 +68,7 @@ def test_the_measure_is_the_variation_beyond_a_monotone_profile(study, measured)
     assert study.oscillation(case, replace(m, axial=bumpy)) == pytest.approx(10.0 - 2.0 * slope, rel=1e-12)
 
 
-def test_finished_and_failed_cases_are_skipped(study, measured):
+def test_finished_and_failed_cases_are_skipped(measured):
     done, folder = measured
     for case, m in done.items():
         if case.loading == "dynamic" and case.scheme in ("bond_projected", "sub_horizon_published"):
@@ -92,7 +78,7 @@ def test_finished_and_failed_cases_are_skipped(study, measured):
             assert file.stat().st_mtime_ns == before
 
 
-def test_pictures(study, measured, tmp_path):
+def test_pictures(measured, tmp_path):
     study.draw(measured[0], tmp_path)
     assert {p.name for p in tmp_path.iterdir()} == {
         "uniaxial_static.png", "uniaxial_static_axis.png", "uniaxial_dynamic.png", "uniaxial_dynamic_axis.png",

@@ -1,4 +1,4 @@
-"""Pictures of the cylinders that `benchmarks/axisymmetric_collapse.py` has run."""
+"""Pictures of the cylinders that the benchmark `axisymmetric_collapse` has run."""
 
 from pathlib import Path
 

@@ -1,19 +1,19 @@
 """V11 to V14: Cam-Clay against closed forms, with the helpers of its own tests."""
 
 import importlib.util
-from pathlib import Path
 
 import numpy as np
 from scipy.optimize import brentq
 
 from periporo.core.numerics.tensors import equivalent_shear, mean
 
+from ... import ROOT
 from .common import Figure, order
 
 
 def _tests():
     """The module tests/materials/test_cam_clay.py of this checkout."""
-    path = Path(__file__).parents[2] / "tests" / "materials" / "test_cam_clay.py"
+    path = ROOT / "tests" / "materials" / "test_cam_clay.py"
     spec = importlib.util.spec_from_file_location("cam_clay_tests", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

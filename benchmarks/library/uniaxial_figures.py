@@ -1,4 +1,4 @@
-"""The pictures of uniaxial_compression.py (Menon & Song 2022, figures 6 to 13)."""
+"""The pictures of the benchmark uniaxial_compression (Menon & Song 2022, figures 6 to 13)."""
 
 from pathlib import Path
 

@@ -1,0 +1,1 @@
+"""What several benchmarks need: blocks of points, the cases of verification, and the parts of studies."""
