@@ -1,12 +1,12 @@
-"""Columns of soil that collapse under their weight: runs all cases and remakes docs/column_collapse.md.
+"""Columns of soil that collapse under their weight: runs all cases, remakes pictures and table.
 
     python -m benchmarks column_collapse_study [--quick] [--only PATTERN] [--folder DIR] [--draw]
 
 Each case of configs/studies/column_collapse.yaml runs in a folder of its own below DIR, as an ordinary scene. What is
-finished is skipped, what was interrupted goes on. Then the pictures in docs/figures and the table at the end of the
-page are made from the cases that are there; --draw does only that. --quick runs every case at a spacing of 5 mm and
-leaves pictures and table in DIR. --only takes the cases whose name matches a pattern such as 'paper-*-dry-*'. Exit
-status 1 if a run failed.
+finished is skipped, what was interrupted goes on. Then the pictures in docs/figures and the table in
+docs/reference/column_collapse_cases.md are made from the cases that are there; --draw does only that. --quick runs
+every case at a spacing of 5 mm and leaves pictures and table in DIR. --only takes the cases whose name matches a
+pattern such as 'paper-*-dry-*'. Exit status 1 if a run failed.
 """
 
 import sys
@@ -41,7 +41,7 @@ def main(words=None):
     if arguments.quick:
         (folder / "table.md").write_text("\n".join(rows) + "\n")
     else:
-        table.put_into(ROOT / "docs" / "column_collapse.md", rows)
+        table.put_into(ROOT / "docs" / "reference" / "column_collapse_cases.md", rows)
     for name in failed:
         print(f"failed: {name}", file=sys.stderr)
     sys.exit(1 if failed else 0)

@@ -1,4 +1,4 @@
-"""Draws the limit loads of V20 and V21 for docs/verification.md.
+"""Draws the limit loads of V20 and V21 for docs/explanation/verification.md.
 
     python -m benchmarks limit_loads [--quick]
 

@@ -1,4 +1,4 @@
-"""Remakes the figures of docs/verification.md.
+"""Remakes the figures of docs/reference/verification_figures.md.
 
     python -m benchmarks verification [--quick] [--case V5] [--scheme sub_horizon]
 
@@ -13,7 +13,7 @@ import time
 from . import ROOT, option_parser
 from .library.verification_cases import CASES, OPTIONS, SCHEMES
 
-PAGE = ROOT / "docs" / "verification.md"
+PAGE = ROOT / "docs" / "reference" / "verification_figures.md"
 HEAD = "| case | what | figure | value | target | met | seconds |"
 
 

@@ -7,7 +7,7 @@ alone, in proportion to the volume of its sub-family:
 
 This is not the conjugate of the strain: sum_j T_ij (x) xi_ij V_j is not the stress, the elastic operator is not
 symmetric, and free motion grows without bound. Angular momentum is not conserved. The scheme is here to
-reproduce the publication; `docs/schemes.md` has the evidence.
+reproduce the publication; `docs/explanation/schemes/` has the evidence.
 """
 
 import numpy as np

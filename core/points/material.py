@@ -33,7 +33,7 @@ class StateField:
 
 @runtime_checkable
 class Material(Protocol):
-    """A constitutive law; see `docs/materials.md` for how to write one."""
+    """A constitutive law; see `docs/how-to/own_material.md` for how to write one."""
 
     density: float
     """Mass per bulk volume at the start, kg/m^3; of the dry material unless the law owns its pore fluid."""

@@ -20,7 +20,7 @@ from periporo.materials.friction import FrictionAngles, angles_of_cone
 
 
 class Arena(ArenaParameters):
-    """Arena soil model (Arena manual, Banerjee & Brannon 2017) with the corrections of docs/arena.md.
+    """Arena soil model (Arena manual, Banerjee & Brannon 2017) with the corrections of docs/explanation/arena.md.
 
     Stress is total stress, tension positive; the model owns its pore pressure. State columns: volumetric
     plastic strain (compaction positive), pore pressure, compressive strength X (I1 of total stress,

@@ -1,4 +1,4 @@
-"""Every command and snippet in README.md and docs/*.md is tried, so that none can go stale.
+"""Every command and snippet in README.md and the pages of docs is tried, so that none can go stale.
 
 Fenced blocks are carried out in order, a folder for each page. Scenes are run at reduced size: spacing doubled where
 every box stays at least 16 points wide, stages of motion cut to 0.5 ms, relaxation ended early, mpirun starts one rank.
@@ -33,7 +33,8 @@ from periporo.io.input.yaml_source import parse_yaml
 from periporo.io.schema.scene import SceneInput, load_scene, parse_scene
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+FIGURES = ROOT / "docs" / "figures"  # made by benchmarks
+PAGES = [ROOT / "README.md", *sorted(page for page in (ROOT / "docs").rglob("*.md") if FIGURES not in page.parents)]
 FENCE = re.compile(
     r"(?:^ *<!-- file: (?P<file>\S+) -->\n)?^(?P<indent> *)```(?P<language>[\w{}-]*)\n(?P<text>.*?)^ *```$", re.M | re.S
 )
@@ -43,7 +44,7 @@ STEP = 5e-4  # s, of a stage at reduced size
 
 
 def identity(page):
-    return page.stem
+    return str(page.relative_to(ROOT))
 
 
 def blocks(page):
@@ -283,11 +284,27 @@ def test_fences_without_a_language_hold_no_commands():
     for page in PAGES:
         for _, language, text in blocks(page):
             if language == "":
-                assert not re.search(r"^(periporo|python|pip|pytest|mpirun) ", text, re.M), f"{page.name}: {text}"
+                assert not re.search(r"^(periporo|python|pip|pytest|mpirun) ", text, re.M), f"{page}: {text}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=identity)
+def test_pages_can_be_read(page):
+    """Lines that fit a window (rows of tables cannot be divided), and no more of them than patience."""
+    lines = page.read_text().splitlines()
+    assert len(lines) <= 250, f"{page}: {len(lines)} lines; divide the page"
+    for number, line in enumerate(lines, 1):
+        assert len(line) <= 120 or line.startswith("|"), f"{page}, line {number}: {len(line)} characters"
+
+
+def test_every_page_is_in_the_table_of_contents():
+    text = (ROOT / "docs" / "index.md").read_text()
+    for page in PAGES[1:]:
+        name = str(page.relative_to(ROOT / "docs").with_suffix(""))
+        assert name == "index" or re.search(rf"^{re.escape(name)}$", text, re.M), f"docs/index.md lacks {name}"
 
 
 def test_every_name_of_a_result_is_explained():
-    text = (ROOT / "docs" / "results.md").read_text()
+    text = (ROOT / "docs" / "reference" / "results.md").read_text()
     processes = (PlasticDissipation, PoreWater, StrainMeasures)
     names = {*fields.DEFAULT, *fields._PLAIN, *HistoryObserver.UNITS, *(name for p in processes for name in p.output)}
     names |= {f"{channel}_force" for channel in WORK if channel not in ("prescribed", "integration")}

@@ -1,4 +1,4 @@
-"""Arena against the reference tables: Richardson-extrapolated paths (see docs/arena.md) and moduli."""
+"""Arena against the reference tables: Richardson-extrapolated paths (see docs/explanation/arena.md) and moduli."""
 
 import csv
 import json

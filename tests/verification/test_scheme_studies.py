@@ -1,4 +1,4 @@
-"""The studies behind docs/schemes.md on small blocks: spectra, dispersion, and the table of accuracy."""
+"""The studies behind docs/explanation/schemes on small blocks: spectra, dispersion, and the table of accuracy."""
 
 import numpy as np
 import pytest
