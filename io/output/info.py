@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from periporo.io.output.results import open_results
+from periporo.io.output.vtkhdf_layout import mend
 
 _MOST_TEXT = 120
 
@@ -55,6 +56,9 @@ def add_arguments(parser):
 
 def run(arguments):
     """Run `periporo info`; the exit status."""
+    remark = mend(arguments.path)
     with open_results(arguments.path) as results:
         print(describe_results(results))
+    if remark is not None:
+        print(remark)
     return 0

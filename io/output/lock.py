@@ -49,6 +49,12 @@ class Lock:
         except FileNotFoundError:
             return False
 
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.release()
+
     def release(self) -> None:
         """Let others in."""
         self.path.unlink(missing_ok=True)

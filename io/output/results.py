@@ -34,7 +34,8 @@ class Results:
             count = int(steps.attrs["NSteps"])
             self.times = steps["Values"][:count]  # s
             self.steps = steps["StepNumbers"][:count]
-            self.point_counts = self._file["VTKHDF/NumberOfPoints"][:count]
+            parts = steps["PartOffsets"][:count]  # the first is of points, a second one of obstacles
+            self.point_counts = self._file["VTKHDF/NumberOfPoints"][: parts.max(initial=-1) + 1][parts]
             self._starts = steps["PointOffsets"][:count]
             self.attributes = dict(self._file["Run"].attrs)
             self.dimension = int(self.attributes.pop("dimension"))

@@ -1,13 +1,17 @@
 """The result file itself: VTKHDF with time steps, which ParaView opens as it is and h5py reads as arrays.
 
 Layout (VTK file format documentation, VTKHDF 2.0, UnstructuredGrid): the rows of all outputs stand one
-after the other; `Steps` holds where each output begins. Outside `/VTKHDF`, `/History` holds one row per
-recorded step of the global figures and `/Run` the attributes of the run.
+after the other; `Steps` holds where each output begins. An output consists of one part, the points, or, in a scene
+with obstacles, of two: the points, and the obstacles as cells, whose rows have no values (NaN) and ids below zero.
+The number of parts never changes within a file, for VTK 9.5 to 9.7 then lose some. Outputs with as many points and
+the same obstacles share their connectivity. Outside `/VTKHDF`, `/History` holds one row per recorded step of the
+global figures and `/Run` the attributes of the run.
 
-A killed process leaves a readable file. Data goes out first, the number of outputs (`NSteps`) last; HDF5
-keeps its metadata in memory until we flush; nothing is compressed, because a compressed chunk that grows is
-moved, and its old place reused while the file on disk still points there. Nor does a full disk harm it: the
-space of an output is reserved before HDF5 learns of it.
+The file is whole after every flush, and a killed process leaves a readable one. Data goes out first, then what tells
+where it is together with the number of outputs, which comes last: HDF5 writes metadata in the order of addresses, and
+the group `Steps` is made after its datasets. Metadata stays in memory until we flush; nothing is compressed, because
+a compressed chunk that grows is moved, and its old place reused while the file on disk still points there. Nor does a
+full disk harm it: the space of an output is reserved before HDF5 learns of it.
 """
 
 import errno
@@ -16,25 +20,26 @@ import os
 import shutil
 from pathlib import Path
 
-import h5py
 import numpy as np
 
-from periporo.core.numerics.tensors import COMPONENTS
 from periporo.io.output.lock import Lock, Locked
+from periporo.io.output.vtkhdf_layout import (
+    COUNTS,
+    HISTORY_ROWS,
+    NO_CELLS,
+    STORED_COMPONENTS,
+    VERTEX,
+    Cells,
+    Index,
+    create,
+    cut,
+    history_column,
+    put,
+    reopen,
+)
 
-_CHUNK_ROWS = 8192
-_BLOCK = 64 * _CHUNK_ROWS  # rows of the topology made at once
-_INDEX_ROWS = 512  # chunk of the datasets with one row per output
-_HISTORY_ROWS = 4096
+_BLOCK = 64 * 8192  # rows of the topology made at once
 _METADATA_BYTES = 16_384  # most that a growing dataset adds to its description and chunk index at once
-_VERTEX = 1  # VTK's cell type
-_AXES = ("x", "y", "z")
-_STORED_COMPONENTS = {1: (), 2: _AXES, 3: _AXES, 4: COMPONENTS, 6: COMPONENTS}
-_COUNTS = ("NumberOfPoints", "NumberOfCells", "NumberOfConnectivityIds")
-
-# The oldest file format: newer ones mark a file as being written, and a killed process leaves that mark.
-# No lock, so that ParaView and open_results can look at a run while it goes on.
-_ACCESS = {"libver": "earliest", "locking": False}
 
 
 class OutputError(Exception):
@@ -47,15 +52,16 @@ class ResultFile:
     fields: name -> (columns, unit). Vectors (2 or 3 columns) are stored with 3 columns and symmetric tensors
     (4 or 6) with 6, zeros in the places that plane strain lacks. An output is made of `begin_output`,
     `put_rows` for `Points`, `PointData/id` and each `PointData/<field>`, and `finish_output`, which makes it
-    count.
+    count. obstacles: whether outputs have a second part for them.
     Raises OutputError, or OSError or RuntimeError from h5py.
     """
 
-    def __init__(self, path, dimension, fields, *, history_units, overwrite, resume_step):
+    def __init__(self, path, dimension, fields, *, history_units, overwrite, resume_step, obstacles=False):
         self.path = Path(path)
         self.dimension = dimension
         self.fields = fields
         self.history_units = history_units
+        self.obstacles = obstacles
         folder = self.path.absolute().parent
         if not folder.is_dir():
             raise OutputError(f"cannot write {self.path}: the folder {folder} does not exist")
@@ -70,36 +76,37 @@ class ResultFile:
             raise
 
     def _open(self, resume_step):
-        if resume_step is not None:
-            self._file = _reopen(self.path)
-            self._check_same_layout()
-            self._truncate(resume_step)
+        if resume_step is None:
+            self._file = create(self.path, self.dimension, self.fields, self.obstacles)
         else:
-            self._file = _create(self.path)
-            self._lay_out()
-        self._count_outputs()
-        self._file.flush()
+            if not self.path.exists():
+                raise OutputError(f"cannot resume {self.path}: the file does not exist; put it back, or start anew")
+            self._file = reopen(self.path)
+            self._check_same_layout()
+            cut(self._file, resume_step)
+        self._begin_anew()
 
-    def _count_outputs(self):
-        self._count = int(self._steps.attrs["NSteps"])
-        self._start = int(self._grid["NumberOfPoints"][: self._count].sum())
+    def _begin_anew(self):
+        self._file.flush()
+        self._index = Index(self._file)
 
     @property
     def _grid(self):
         return self._file["VTKHDF"]
 
-    @property
-    def _steps(self):
-        return self._file["VTKHDF/Steps"]
-
-    def begin_output(self, rows):
-        """Reserve the space of an output of `rows` points, so that a full disk shows before it is written."""
-        grid, steps = self._grid, self._steps
-        added = [(grid[name], self._start + rows) for name in ("Points", "Types")]
-        added += [(dataset, self._start + rows) for dataset in grid["PointData"].values()]
-        added += [(grid["Offsets"], self._start + self._count + rows + 1), (grid["Connectivity"], rows)]
-        added += [(grid[name], self._count + 1) for name in _COUNTS]
-        added += [(dataset, self._count + 1) for dataset in _datasets(steps)]
+    def begin_output(self, rows, cells: Cells | None = None):
+        """Reserve the space of an output of `rows` points and the obstacles `cells`, so that a full disk shows before
+        it is written."""
+        grid, ends = self._grid, self._index.ends
+        self._rows, self._cells = rows, (NO_CELLS if cells is None else cells) if self.obstacles else None
+        drawn = self._cells or NO_CELLS
+        stored = ends["rows"] + rows + len(drawn.points)
+        added = [(dataset, stored) for dataset in (grid["Points"], *grid["PointData"].values())]
+        added += [(grid["Types"], ends["Types"] + rows + len(drawn.types))]
+        added += [(grid["Offsets"], ends["Offsets"] + rows + 1 + len(drawn.offsets))]
+        added += [(grid["Connectivity"], ends["Connectivity"] + rows + len(drawn.connectivity))]
+        added += [(grid[name], ends[name] + 2) for name in COUNTS]
+        added += [(dataset, self._index.count + 1) for dataset in self._index.datasets]
         self._reserve(added)
 
     def put_rows(self, name, offset, rows):
@@ -107,39 +114,74 @@ class ResultFile:
         dataset = self._grid[name]
         if dataset.ndim == 2 and dataset.shape[1] > rows.shape[1]:
             rows = np.pad(rows, ((0, 0), (0, dataset.shape[1] - rows.shape[1])))
-        _put(dataset, self._start + offset, rows.reshape(len(rows), *dataset.shape[1:]))
+        put(dataset, self._index.ends["rows"] + offset, rows.reshape(len(rows), *dataset.shape[1:]))
 
-    def finish_output(self, time, step, rows):
-        """Complete the output of `rows` points at this time (s) and step, and make it count."""
-        grid, steps = self._grid, self._steps
-        # All outputs share one Connectivity: vertex cell k refers to point k.
-        for first in range(len(grid["Connectivity"]), rows, _BLOCK):
-            _put(grid["Connectivity"], first, np.arange(first, min(first + _BLOCK, rows)))
-        for first in range(0, rows + 1, _BLOCK):
-            offsets = np.arange(first, min(first + _BLOCK, rows + 1))
-            _put(grid["Offsets"], self._start + self._count + first, offsets)
-        for first in range(0, rows, _BLOCK):
-            types = np.full(min(_BLOCK, rows - first), _VERTEX, dtype=np.uint8)
-            _put(grid["Types"], self._start + first, types)
-        for name in _COUNTS:
-            _put(grid[name], self._count, [rows])
-        entry = {"NumberOfParts": 1, "PartOffsets": self._count, "PointOffsets": self._start,
-                 "CellOffsets": self._start, "ConnectivityIdOffsets": 0, "StepNumbers": step, "Values": time}
+    def finish_output(self, time, step):
+        """Complete the output that was begun, at this time (s) and step, and make it count."""
+        index, steps = self._index, self._index.steps
+        start = index.ends["rows"]
+        if self._cells is not None:
+            self._put_obstacles(self._rows, self._cells)
+        entry = self._put_cells(self._rows, self._cells)
+        self._file.flush()
+        entry |= {"PointOffsets": start, "StepNumbers": step, "Values": time}
         for name, value in entry.items():
-            _put(steps[name], self._count, [value])
+            put(steps[name], index.count, [value])
         for dataset in steps["PointDataOffsets"].values():
-            _put(dataset, self._count, [self._start])
-        self._file.flush()
-        steps.attrs.modify("NSteps", self._count + 1)
-        self._file.flush()
-        self._count += 1
-        self._start += rows
+            put(dataset, index.count, [start])
+        if index.count % steps["Values"].chunks[0] == 0:
+            self._file.flush()  # the first entries of a chunk: its place must be known before they count
+        steps.attrs.modify("NSteps", index.count + 1)
+        self._begin_anew()
+
+    def _put_obstacles(self, rows, cells):
+        """The rows of the second part."""
+        self.put_rows("Points", rows, cells.points)
+        self.put_rows("PointData/id", rows, -1 - cells.number)
+        for name in self.fields:
+            dataset = self._grid["PointData"][name]
+            self.put_rows(f"PointData/{name}", rows, np.full((len(cells.points), *dataset.shape[1:]), np.nan))
+
+    def _put_cells(self, rows, cells):
+        """The cells of an output, a vertex for each of its points and the obstacles'; its entries in `Steps`."""
+        grid, ends = self._grid, self._index.ends
+        part, cell, connection = ends["NumberOfPoints"], ends["Types"], self._shared_connectivity(rows, cells)
+        shared = connection is not None
+        connection = connection if shared else ends["Connectivity"]
+        for name in COUNTS:
+            put(grid[name], part, [rows])
+        for first in range(0, rows + 1, _BLOCK):
+            numbers = np.arange(first, min(first + _BLOCK, rows + 1))
+            put(grid["Offsets"], cell + part + first, numbers)
+            put(grid["Types"], cell + first, np.full((numbers < rows).sum(), VERTEX, np.uint8))
+            if not shared:
+                put(grid["Connectivity"], connection + first, numbers[numbers < rows])
+        if cells is not None:
+            for name, count in zip(COUNTS, cells.counts, strict=True):
+                put(grid[name], part + 1, [count])
+            put(grid["Offsets"], cell + part + rows + 1, cells.offsets)
+            put(grid["Types"], cell + rows, cells.types)
+            if not shared:
+                put(grid["Connectivity"], connection + rows, cells.connectivity)
+        return {"NumberOfParts": 1 if cells is None else 2, "PartOffsets": part, "CellOffsets": cell,
+                "ConnectivityIdOffsets": connection}  # fmt: skip
+
+    def _shared_connectivity(self, rows, cells):
+        """Where the connectivity of the output before stands, if this one has the same; else None."""
+        index, grid = self._index, self._grid
+        if index.count == 0:
+            return None
+        parts, start = index.parts(index.count - 1), int(index.steps["ConnectivityIdOffsets"][index.count - 1])
+        wanted = [rows] if cells is None else [rows, len(cells.connectivity)]
+        if grid["NumberOfConnectivityIds"][parts].tolist() != wanted:
+            return None
+        stored = grid["Connectivity"][start + rows : start + sum(wanted)]
+        return start if cells is None or np.array_equal(stored, cells.connectivity) else None
 
     def rewind(self, step):
         """Drop the outputs and the history after `step`."""
-        self._truncate(step)
-        self._count_outputs()
-        self._file.flush()
+        cut(self._file, step)
+        self._begin_anew()
 
     def put_history(self, rows):
         """Append rows of global figures: a list of dictionaries with the same names."""
@@ -149,12 +191,11 @@ class ResultFile:
                               f"{sorted(history)}")
         start = min((len(dataset) for dataset in history.values()), default=0)
         self._reserve([(dataset, start + len(rows)) for dataset in history.values()],
-                      extra=0 if len(history) else len(rows[0]) * 8 * (len(rows) + _HISTORY_ROWS))
+                      extra=0 if len(history) else len(rows[0]) * 8 * (len(rows) + HISTORY_ROWS))
         for name in rows[0]:
             if name not in history:
-                kind = "i8" if name == "step" else "f8"
-                _growing(history, name, kind, rows=_HISTORY_ROWS, unit=self.history_units.get(name, ""))
-            _put(history[name], start, [row[name] for row in rows])
+                history_column(history, name, self.history_units.get(name, ""))
+            put(history[name], start, [row[name] for row in rows])
 
     def put_attributes(self, attributes):
         """Set attributes of the run, name -> text or number."""
@@ -191,61 +232,19 @@ class ResultFile:
         with open(self.path, "rb+") as file:
             os.posix_fallocate(file.fileno(), end, size)
 
-    def _lay_out(self):
-        grid = self._file.create_group("VTKHDF")
-        grid.attrs.create("Version", (2, 0), dtype="i8")
-        grid.attrs.create("Type", b"UnstructuredGrid", dtype=h5py.string_dtype("ascii", 16))
-        steps = grid.create_group("Steps")
-        steps.attrs.create("NSteps", 0, dtype="i8")
-        for name in _COUNTS:
-            _growing(grid, name, "i8", rows=_INDEX_ROWS)
-        _growing(grid, "Connectivity", "i8")
-        _growing(grid, "Offsets", "i8")
-        _growing(grid, "Types", "u1")
-        _growing(grid, "Points", "f8", unit="m", components=_AXES)
-        for name in ("NumberOfParts", "PartOffsets", "PointOffsets", "CellOffsets", "ConnectivityIdOffsets",
-                     "StepNumbers"):
-            _growing(steps, name, "i8", rows=_INDEX_ROWS)
-        _growing(steps, "Values", "f8", rows=_INDEX_ROWS, unit="s")
-        data, offsets = grid.create_group("PointData"), steps.create_group("PointDataOffsets")
-        _growing(data, "id", "i8")
-        for name, (columns, unit) in self.fields.items():
-            _growing(data, name, "f8", unit=unit, components=_STORED_COMPONENTS[columns])
-        for name in data:
-            _growing(offsets, name, "i8", rows=_INDEX_ROWS)
-        self._file.create_group("History")
-        self._file.create_group("Run").attrs["dimension"] = self.dimension
-
     def _check_same_layout(self):
         """The file to resume must be one of ours, with the same fields."""
         if "VTKHDF/Steps/StepNumbers" not in self._file:
             raise OutputError(f"cannot resume {self.path}: it is not a result file of periporo")
+        run = self._file["Run"].attrs
         stored = {name: len(dataset.attrs.get("components", ())) for name, dataset in
                   self._grid["PointData"].items() if name != "id"}
-        wanted = {name: len(_STORED_COMPONENTS[columns]) for name, (columns, _) in self.fields.items()}
-        if stored != wanted or self._file["Run"].attrs["dimension"] != self.dimension:
+        wanted = {name: len(STORED_COMPONENTS[columns]) for name, (columns, _) in self.fields.items()}
+        if stored != wanted or run["dimension"] != self.dimension:
             raise OutputError(f"cannot resume {self.path}: it holds the fields {sorted(stored)} in "
-                              f"{self._file['Run'].attrs['dimension']} dimensions, this run writes "
+                              f"{run['dimension']} dimensions, this run writes "
                               f"{sorted(wanted)} in {self.dimension}; ask for the same output, or start anew")
-
-    def _truncate(self, step):
-        """Drop the outputs and the history after `step`."""
-        grid, steps, history = self._grid, self._steps, self._file["History"]
-        numbers = steps["StepNumbers"][: steps.attrs["NSteps"]]
-        keep = int(np.searchsorted(numbers, step, side="right"))
-        rows = int(grid["NumberOfPoints"][:keep].sum())
-        steps.attrs.modify("NSteps", keep)
-        self._file.flush()  # the count first: what is about to go must not count
-        for dataset in (*_datasets(steps), *(grid[name] for name in _COUNTS)):
-            dataset.resize(keep, axis=0)
-        for dataset in (grid["Points"], grid["Types"], *grid["PointData"].values()):
-            dataset.resize(rows, axis=0)
-        grid["Offsets"].resize(rows + keep, axis=0)
-        if "step" in history:
-            whole = min(len(dataset) for dataset in history.values())
-            kept = int(np.searchsorted(history["step"][:whole], step, side="right"))
-            for dataset in history.values():
-                dataset.resize(kept, axis=0)
+        self.obstacles = "obstacles" in run  # the number of parts stays; up to 0.1.0 it was one
 
 
 def _locked(path):
@@ -256,45 +255,3 @@ def _locked(path):
                           "output file") from None
 
 
-def _create(path):
-    """A new file; what it holds depends on nothing but what is written (no times)."""
-    path.unlink(missing_ok=True)  # whoever reads the old file keeps it
-    return _hold_metadata(h5py.File(path, "x", **_ACCESS))
-
-
-def _reopen(path):
-    if not path.exists():
-        raise OutputError(f"cannot resume {path}: the file does not exist; put it back, or start anew")
-    return _hold_metadata(h5py.File(path, "r+", **_ACCESS))
-
-
-def _hold_metadata(file):
-    """Let metadata reach the disk at a flush only, so that the file is whole at any other time."""
-    config = file.id.get_mdc_config()
-    config.evictions_enabled = False
-    config.incr_mode = config.flash_incr_mode = config.decr_mode = 0
-    file.id.set_mdc_config(config)
-    return file
-
-
-def _datasets(steps):
-    """The datasets with one entry per output in the group `Steps`."""
-    own = [item for item in steps.values() if isinstance(item, h5py.Dataset)]
-    return own + list(steps["PointDataOffsets"].values())
-
-
-def _growing(group, name, kind, *, rows=_CHUNK_ROWS, unit="", components=()):
-    """An empty dataset that grows by rows."""
-    tail = (len(components),) if components else ()
-    dataset = group.create_dataset(name, (0, *tail), kind, maxshape=(None, *tail), chunks=(rows, *tail))
-    if unit:
-        dataset.attrs["unit"] = unit
-    if components:
-        dataset.attrs["components"] = list(components)
-
-
-def _put(dataset, start, rows):
-    """Write rows from row `start` on; the dataset grows to hold them."""
-    if len(dataset) < start + len(rows):
-        dataset.resize(start + len(rows), axis=0)
-    dataset[start : start + len(rows)] = rows

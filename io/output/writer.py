@@ -16,16 +16,16 @@ _NO_ID = np.iinfo(np.int64).max
 class ResultWriter:
     """Writes the results of one run; every rank of `comm` calls it, rank 0 touches the file.
 
-    path: the file, see io.vtkhdf for what is in it. comm: mpi4py communicator. dimension: 2 or 3.
+    path: the file, see io.output.vtkhdf for what is in it. comm: mpi4py communicator. dimension: 2 or 3.
     fields: name -> (columns, unit), with 1 column, 2 or 3 (vector), 4 or 6 (symmetric tensor in the order of
     core.tensors). attributes: name -> text or number, about the run. history_units: name -> unit.
-    overwrite: replace an existing file. resume_step: go on with the existing file, dropping all that was
-    recorded after this step. block_rows: most rows that rank 0 gathers at once.
+    overwrite: replace an existing file. obstacles: whether outputs hold obstacles, too. resume_step: go on with the
+    existing file, dropping all that was recorded after this step. block_rows: most rows that rank 0 gathers at once.
     Raises OutputError, on all ranks alike, when the file cannot be opened or written.
     """
 
     def __init__(self, path, comm, *, dimension, fields, attributes=None, history_units=None,
-                 overwrite=False, resume_step=None, block_rows=262_144):
+                 overwrite=False, resume_step=None, obstacles=False, block_rows=262_144):
         for name, (columns, _) in fields.items():
             if columns not in (1, 2, 3, 4, 6) or name == "id":
                 raise ValueError(f"field {name!r} with {columns} columns: 1, 2, 3, 4 or 6 are allowed, "
@@ -34,6 +34,7 @@ class ResultWriter:
         self.comm = comm
         self.dimension = dimension
         self.fields = dict(fields)
+        self.obstacles = obstacles
         self.block_rows = block_rows
         self._file = None
         self._history = []
@@ -49,11 +50,12 @@ class ResultWriter:
         else:
             self._abandon()  # without the other ranks, which may be elsewhere
 
-    def write(self, time, step, ids, position, fields):
+    def write(self, time, step, ids, position, fields, cells=None):
         """Append one output; collective.
 
         time: s. step: number of the time step. ids (n,): global ids of this rank's points in any order,
-        unique over all ranks. position (n, dimension) m. fields: name -> (n,) or (n, columns).
+        unique over all ranks. position (n, dimension) m. fields: name -> (n,) or (n, columns). cells: the obstacles
+        (`io.output.vtkhdf_layout.Cells`), None for none; matters on rank 0 only.
         """
         if set(fields) != set(self.fields):
             raise ValueError(f"{self.path}: fields {sorted(fields)} given, {sorted(self.fields)} declared")
@@ -64,13 +66,13 @@ class ResultWriter:
         columns = {name: (np.reshape(values, (len(ids), width)), width)
                    for name, (values, width) in columns.items()}
         self.flush()
-        self._collectively(self._begin_output, sum(self.comm.allgather(len(ids))))
+        self._collectively(self._begin_output, sum(self.comm.allgather(len(ids))), cells)
         written = taken = 0
         while (end := self._end_of_block(ids, taken)) is not None:
             block = slice(taken, np.searchsorted(ids, end))
             written += self._write_block(written, ids[block], order[block], columns)
             taken = block.stop
-        self._collectively(self._finish_output, float(time), int(step), written)
+        self._collectively(self._finish_output, float(time), int(step))
 
     def append_history(self, row):
         """Record the global figures of a step, name -> number with at least `step`; matters on rank 0 only.
@@ -147,11 +149,11 @@ class ResultWriter:
 
     def _open(self, overwrite, resume_step, history_units):
         self._file = ResultFile(self.path, self.dimension, self.fields, history_units=history_units,
-                                overwrite=overwrite, resume_step=resume_step)
+                                overwrite=overwrite, resume_step=resume_step, obstacles=self.obstacles)
         self._flush()
 
-    def _begin_output(self, rows):
-        self._file.begin_output(rows)
+    def _begin_output(self, rows, cells):
+        self._file.begin_output(rows, cells)
 
     def _put_ids(self, offset, ids, into):
         ids = ids[into]
@@ -163,8 +165,8 @@ class ResultWriter:
     def _put_rows(self, name, offset, rows, into):
         self._file.put_rows(name, offset, rows[into])
 
-    def _finish_output(self, time, step, rows):
-        self._file.finish_output(time, step, rows)
+    def _finish_output(self, time, step):
+        self._file.finish_output(time, step)
 
     def _rewind(self, step):
         self._history = [row for row in self._history if row["step"] <= step]

@@ -1,5 +1,7 @@
 """The result file: order, steps, truncation, VTK's own reader, and what happens when things go wrong."""
 
+import io
+import shutil
 import subprocess
 import sys
 import time
@@ -10,8 +12,11 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from periporo.io.output import vtkhdf_layout
+from periporo.io.output.lock import Lock
 from periporo.io.output.results import open_results
 from periporo.io.output.vtkhdf import ResultFile
+from periporo.io.output.vtkhdf_layout import Cells, Index
 from periporo.io.output.writer import OutputError, ResultWriter
 
 FIELDS = {"stress": (4, "Pa"), "velocity": (2, "m/s"), "speed": (1, "m/s")}
@@ -239,6 +244,167 @@ def test_killed_process_leaves_a_readable_file(tmp_path, outputs, delay):
         assert list(results.field("stress")[0]) == [1.0, 2.0, 3.0, 4.0, 0.0, 0.0]
 
 
+SQUARE = Cells(np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.zeros(4, int), np.arange(4),
+               np.array([0, 4]), np.array([9], "u1"))  # fmt: skip
+OUTPUTS = ((300, None), (300, SQUARE), (300, SQUARE), (299, SQUARE), (299, None))  # points, obstacles
+
+
+def write_with_obstacles(path):
+    with ResultWriter(path, MPI.COMM_SELF, dimension=2, fields=FIELDS, obstacles=True) as writer:
+        for k, (count, cells) in enumerate(OUTPUTS):
+            writer.append_history({"step": k})
+            writer.write(float(k), k, np.arange(count), *values_at(np.arange(count), k), cells)
+
+
+def seen_by_vtk(path, outputs=OUTPUTS):
+    """Check what VTK's reader makes of the file; the number of outputs."""
+    vtk_hdf = pytest.importorskip("vtkmodules.vtkIOHDF")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
+
+    reader = vtk_hdf.vtkHDFReader()
+    reader.SetFileName(str(path))
+    reader.UpdateInformation()
+    times = reader.GetOutputInformation(0).Get(vtkStreamingDemandDrivenPipeline.TIME_STEPS())
+    times = times or [0.0] * reader.GetNumberOfSteps()  # a single output comes without a time
+    for k, (time_, (count, cells)) in enumerate(zip(times, outputs, strict=False)):
+        reader.UpdateTimeStep(time_)
+        parts = reader.GetOutputDataObject(0)
+        soil, obstacles = (parts.GetPartition(0), parts.GetPartition(1)) if hasattr(parts, "GetPartition") else (
+            parts, parts)  # up to VTK 9.4 the parts are merged
+        extra = 0 if cells is None else 4
+        assert soil.GetNumberOfPoints() == count + (extra if soil is obstacles else 0)
+        position, fields = values_at(np.arange(count), k)
+        assert np.array_equal(vtk_to_numpy(soil.GetPoints().GetData())[:count, :2], position)
+        assert np.array_equal(vtk_to_numpy(soil.GetPointData().GetArray("speed"))[:count], fields["speed"])
+        if cells is not None:
+            last = obstacles.GetCell(obstacles.GetNumberOfCells() - 1)
+            assert last.GetCellType() == 9 and obstacles.GetPoint(last.GetPointId(2)) == (1.0, 1.0, 0.0)
+            assert np.isnan(vtk_to_numpy(obstacles.GetPointData().GetArray("stress"))[-4:]).all()
+            assert list(vtk_to_numpy(obstacles.GetPointData().GetArray("id"))[-4:]) == [-1] * 4
+    return len(times)
+
+
+def test_obstacles_are_a_second_part(tmp_path):
+    write_with_obstacles(tmp_path / "run.vtkhdf")
+    assert seen_by_vtk(tmp_path / "run.vtkhdf") == len(OUTPUTS)
+    with open_results(tmp_path / "run.vtkhdf") as results:
+        for k, (count, _) in enumerate(OUTPUTS):
+            position, fields = values_at(np.arange(count), k)
+            assert np.array_equal(results.ids(k), np.arange(count))
+            assert np.array_equal(results.positions(k)[:, :2], position)
+            assert np.array_equal(results.field("speed", k), fields["speed"])
+    cut = tmp_path / "cut.vtkhdf"
+    shutil.copy(tmp_path / "run.vtkhdf", cut)
+    with ResultWriter(cut, MPI.COMM_SELF, dimension=2, fields=FIELDS, obstacles=True, resume_step=1) as writer:
+        for k, (count, cells) in enumerate(OUTPUTS[2:], 2):
+            writer.append_history({"step": k})
+            writer.write(float(k), k, np.arange(count), *values_at(np.arange(count), k), cells)
+    assert same_datasets(tmp_path / "run.vtkhdf", cut) > 20
+
+
+def same_datasets(first, second):
+    """Check that two files hold the same; the number of datasets."""
+    with h5py.File(first) as a, h5py.File(second) as b:
+        names = []
+        a.visititems(lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None)
+        for name in names:
+            assert np.array_equal(a[name][()], b[name][()], equal_nan=a[name].dtype.kind == "f"), name
+    return len(names)
+
+
+def test_file_is_whole_at_every_flush(tmp_path, monkeypatch):
+    """Also for VTK's reader, which looks at a copy of each state that was flushed."""
+    path, flush = tmp_path / "run.vtkhdf", h5py.File.flush
+    copies = []
+
+    def flush_and_copy(file):
+        flush(file)
+        copies.append(tmp_path / f"copy_{len(copies)}.vtkhdf")
+        shutil.copy(path, copies[-1])
+
+    monkeypatch.setattr(h5py.File, "flush", flush_and_copy)
+    write_with_obstacles(path)
+    monkeypatch.undo()
+    seen = []
+    for copy in copies:
+        with h5py.File(copy, "r") as file:
+            count = file["VTKHDF/Steps"].attrs["NSteps"]
+            assert all(len(dataset) == count for dataset in Index(file).datasets) or count == 0
+        seen.append(seen_by_vtk(copy) if count else 0)
+    assert seen == sorted(seen) and set(seen) == set(range(len(OUTPUTS) + 1))
+
+
+class Recorder(io.FileIO):
+    """A file that remembers what is written to it."""
+
+    def __init__(self, path, writes):
+        super().__init__(path, "r+")
+        self.writes = writes
+
+    def write(self, piece):
+        self.writes.append((self.tell(), bytes(piece)))
+        return super().write(piece)
+
+
+def test_file_is_readable_wherever_the_process_is_killed(tmp_path, monkeypatch):
+    """After any number of the writes to the disk; `mend` then leaves nothing of an output that was cut off."""
+    writes, done = [], []
+    path, prefix, opened = tmp_path / "run.vtkhdf", tmp_path / "prefix.vtkhdf", h5py.File
+
+    def recorded(name, mode, libver, locking):
+        assert mode == "x"
+        Path(name).touch()
+        return opened(Recorder(name, writes), "w", libver=libver)
+
+    monkeypatch.setattr(vtkhdf_layout, "INDEX_ROWS", 2)
+    with ResultWriter(tmp_path / "other.vtkhdf", MPI.COMM_SELF, dimension=2, fields={}) as writer:
+        monkeypatch.setattr(vtkhdf_layout.h5py, "File", recorded)
+        writer = ResultWriter(path, MPI.COMM_SELF, dimension=2, fields={"speed": (1, "m/s")})
+        for k in range(3):
+            writer.append_history({"step": k})
+            writer.write(float(k), k, [0, 1], [[k, 0.0], [k, 1.0]], {"speed": [k, k]})
+            done.append(len(writes))
+        writer.close()
+        monkeypatch.undo()
+
+    def check(name, number):
+        with open_results(name) as results:
+            assert len(results) >= sum(number >= end for end in done)
+            for k in range(len(results)):
+                assert list(results.field("speed", k)) == [k, k] and results.positions(k)[1, 0] == k
+
+    image = bytearray(path.stat().st_size + 1_000_000)  # behind it is what was reserved
+    mended = 0
+    for number, (start, piece) in enumerate(writes, 1):
+        image[start : start + len(piece)] = piece
+        if number < done[0]:
+            continue
+        prefix.write_bytes(image)
+        check(prefix, number)
+        if number % 6 == 0 and vtkhdf_layout.mend(prefix) is not None:
+            check(prefix, number)
+            assert vtkhdf_layout.mend(prefix) is None
+            mended += 1
+    assert mended > 3
+
+
+def test_info_mends(tmp_path, heap, call):
+    path = heap(tmp_path / "run.vtkhdf")
+    whole = path.read_bytes()
+    status, out, _ = call("info", path)
+    assert status == 0 and "cut off" not in out and path.read_bytes() == whole
+    with h5py.File(path, "r+") as file:
+        file["VTKHDF/Steps/Values"].resize(4, axis=0)
+        file["VTKHDF/Points"].resize(170, axis=0)
+    with Lock(path):
+        assert "an output is being written (process" in call("info", path)[1]
+    status, out, _ = call("info", path)
+    assert status == 0 and "outputs: 3" in out and "cut off while it was written; what there was of it has been" in out
+    assert "cut off" not in call("info", path)[1]
+    assert same_datasets(path, heap(tmp_path / "again.vtkhdf")) > 10
+
+
 def test_an_output_of_many_blocks(tmp_path):
     """More rows than the writer gathers, or makes of the topology, at once."""
     n, path = 600_001, tmp_path / "run.h5"
@@ -317,7 +483,7 @@ def test_result_file_by_itself(tmp_path):
     file.begin_output(2)
     file.put_rows("PointData/id", 0, np.array([[3], [5]]))
     file.put_rows("Points", 0, np.array([[1.0, 2.0], [3.0, 4.0]]))
-    file.finish_output(0.5, 7, 2)
+    file.finish_output(0.5, 7)
     file.put_history([{"step": 7, "height": 2.0}])
     file.put_attributes({"ranks": 1})
     file.flush()
