@@ -1,4 +1,4 @@
-"""Groups and datasets of a result file: made, cut back to fewer outputs, and looked at; see `io.vtkhdf` for what they
+"""Groups and datasets of a result file: made, cut back to fewer outputs, and looked at; see `io.output.vtkhdf` for what they
 hold."""
 
 from dataclasses import dataclass
