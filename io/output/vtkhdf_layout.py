@@ -1,5 +1,7 @@
-"""Groups and datasets of a result file: made, cut back to fewer outputs, and looked at; see `io.output.vtkhdf` for what they
-hold."""
+"""Groups and datasets of a result file: made, cut back to fewer outputs, and looked at.
+
+What they hold is said in `io.output.vtkhdf`.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
