@@ -56,10 +56,19 @@ class Material(Protocol):
 
         Stress, tensor state and strain increment are rotated to the end of the step already. `dt` is
         infinite in quasi-static relaxation: a viscous law then returns its inviscid limit.
+
+        Rows without state may stand among the others, all numbers of which are 0: bonds beyond the horizon. What
+        becomes of them does not count, but it must be finite. A row that has just come into being, with the mean
+        stress and state of its two points, is passed once with a strain increment of 0: make its stress and state
+        consistent then.
         """
 
     def elastic_moduli(self, stress: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Bulk and shear modulus of unloading, two (n,) arrays in Pa: they set the stable time step."""
+        """Bulk and shear modulus of unloading, two (n,) arrays in Pa; finite in rows without state, too.
+
+        They set the time step, the stiffness of contacts and of the links of `point_state`, and the speed of waves
+        that the watchdog knows. A law that answers stiffer makes steps unstable.
+        """
 
 
 def state_columns(material: Material, components: int) -> int:

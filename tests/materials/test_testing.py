@@ -75,7 +75,8 @@ class Sound:
 
 def test_the_sound_law_conforms():
     for dimension in (2, 3):
-        assert abs(check_material(Sound(), dimension).cycle_energy) < 1e-9
+        report = check_material(Sound(), dimension)
+        assert abs(report.cycle_energy) < 1e-9 and report.stiffness == pytest.approx(1.0, rel=1e-6)
 
 
 class NoDensity(Sound):
@@ -149,6 +150,56 @@ class ScalarModulus(Sound):
         return self.bulk, self.shear
 
 
+class SoftModuli(Sound):
+    """A hundredth of the stiffness that it has."""
+
+    def elastic_moduli(self, stress, state):
+        return np.full(len(stress), self.bulk / 100), np.full(len(stress), self.shear / 100)
+
+
+class SoftShear(Sound):
+    def elastic_moduli(self, stress, state):
+        return np.full(len(stress), self.bulk), np.full(len(stress), 0.8 * self.shear)
+
+
+class StiffBulk(Sound):
+    def elastic_moduli(self, stress, state):
+        return np.full(len(stress), 100 * self.bulk), np.full(len(stress), self.shear)
+
+
+class TangentModuli(Sound):
+    """Twice as stiff in unloading, which the moduli do not tell."""
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        opens = strain_increment[:, :3].sum(axis=1) > 0.0
+        super().compute_stress(stress, np.where(opens[:, None], 2.0, 1.0) * strain_increment, state, dt)
+
+
+class RefusesZeros(Sound):
+    def compute_stress(self, stress, strain_increment, state, dt):
+        if not stress.any(axis=1).all():
+            raise FloatingPointError("no stress")
+        super().compute_stress(stress, strain_increment, state, dt)
+
+
+class NaNFromZeros(Sound):
+    def elastic_moduli(self, stress, state):
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return self.bulk * (stress[:, 0] / stress[:, 0]), np.full(len(stress), self.shear)
+
+    def initial_state(self, stress, ids, volume):
+        stress[~stress.any(axis=1), :3] = -1.0
+        return super().initial_state(stress, ids, volume)
+
+
+class ForeignOrder(Sound):
+    """Takes the strain as xx yy zz xy xz yz."""
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        order = [0, 1, 2, 3, 5, 4][: stress.shape[1]]
+        super().compute_stress(stress, strain_increment[:, order], state, dt)
+
+
 class Drifts(Sound):
     def compute_stress(self, stress, strain_increment, state, dt):
         super().compute_stress(stress, strain_increment, state, dt)
@@ -204,13 +255,36 @@ class NaNInTension(Sound):
             state[:, 0] += 0.0 * np.sqrt(-stress[:, :3].sum(axis=1))
 
 
-class Dissipates(Sound):
-    conservative = True
+class Loses(Sound):
+    """Friction: a share of the stiffness times the strain's length is lost."""
 
     def compute_stress(self, stress, strain_increment, state, dt):
         super().compute_stress(stress, strain_increment, state, dt)
         norm = np.sqrt(np.sum(strain_increment**2, axis=1) + np.sum(strain_increment[:, 3:] ** 2, axis=1))
         stress[:, :3] -= 0.01 * self.bulk * norm[:, None]
+
+
+class Dissipates(Loses):
+    conservative = True
+
+
+class LosesWherePressed(Loses):
+    """The same where there is stress; without, next to nothing is as stiff as anything."""
+
+    def initial_state(self, stress, ids, volume):
+        state = super().initial_state(stress, ids, volume)
+        state[:, 0] = 1.0 if stress.any() else 1e-9
+        return state
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        before, share = stress.copy(), state[:, 0].copy()
+        super().compute_stress(stress, strain_increment, state, dt)
+        stress[:] = before + share[:, None] * (stress - before)
+        state[:, 0] = share
+
+    def elastic_moduli(self, stress, state):
+        share = np.maximum(state[:, 0], 1e-9)
+        return self.bulk * share, self.shear * share
 
 
 @pytest.mark.parametrize(
@@ -231,6 +305,12 @@ class Dissipates(Sound):
         (ChangesIncrement, testing.ShapeError, "work on a copy"),
         (NegativeModulus, testing.ModuliError, "shear modulus"),
         (ScalarModulus, testing.ModuliError, "bulk modulus"),
+        (SoftModuli, testing.ModuliError, "100 times as stiffly as its bulk modulus says"),
+        (SoftShear, testing.ModuliError, "1.25 times as stiffly as its shear modulus says"),
+        (StiffBulk, testing.ModuliError, "more than 0.01 of its bulk modulus"),
+        (TangentModuli, testing.ModuliError, "2 times as stiffly as its bulk modulus says"),
+        (RefusesZeros, testing.ShapeError, "are all 0"),
+        (NaNFromZeros, testing.NonFiniteError, "are all 0"),
         (Drifts, testing.ZeroIncrementError, "dt = inf"),
         (IgnoresTime, testing.ZeroIncrementError, "dt = 1e-30"),
         (Anisotropic, testing.FrameError, "in turned axes"),
@@ -247,3 +327,16 @@ def test_breaches_are_named(law, error, hint, dimension):
     with pytest.raises(error, match=hint) as caught:
         check_material(law(), dimension)
     assert isinstance(caught.value, AssertionError) and law.__name__ in str(caught.value)
+
+
+def test_the_order_of_components_is_seen_in_space():
+    """Where yz and xz stand is told by a shear in three dimensions alone; in the plane neither exists."""
+    check_material(ForeignOrder(), 2)
+    with pytest.raises(testing.FrameError, match="strain in yz makes stress in xz"):
+        check_material(ForeignOrder(), 3)
+
+
+def test_a_cycle_is_measured_by_the_moduli_of_its_rows():
+    """Not by those without stress, which may be next to nothing."""
+    loose = check_material(LosesWherePressed()).cycle_energy
+    assert loose == pytest.approx(check_material(Loses()).cycle_energy, rel=1e-9) and 1e-3 < abs(loose) < 1e3

@@ -1,0 +1,73 @@
+"""Random rows of a law under test, and calls that leave their arguments alone."""
+
+import numpy as np
+
+from periporo.core.points.material import Material, state_columns
+from periporo.materials.testing.breaches import ModuliError, NonFiniteError, ShapeError
+
+ROWS = 24
+
+
+class Rows:
+    """The law, its random rows at the start, and calls that leave their arguments alone."""
+
+    def __init__(self, material: Material, components: int, rng: np.random.Generator, pressure: float):
+        self.material, self.components, self.rng = material, components, rng
+        self.law = type(material).__name__
+        self.ids = np.stack([np.arange(ROWS), np.arange(ROWS) + 7], axis=1).astype(np.int64)
+        self.volume = rng.uniform(0.5, 2.0, ROWS) * 1e-6
+        compressed = np.zeros((ROWS, components))
+        compressed[:, :3] = -rng.uniform(0.1, 1.0, (ROWS, 1)) * pressure
+        self.stress, self.state = self.start(compressed)
+
+    def start(self, stress, rows=slice(None)):
+        """Stress (which the law may complete) and state of rows at the start."""
+        stress = stress.copy()
+        ids, volume = self.ids[rows][: len(stress)], self.volume[rows][: len(stress)]
+        state = self.material.initial_state(stress, ids.copy(), volume.copy())
+        wanted = (len(stress), state_columns(self.material, self.components))
+        if not isinstance(state, np.ndarray) or state.shape != wanted or state.dtype != np.float64:
+            found = f"{state.dtype} {state.shape}" if isinstance(state, np.ndarray) else type(state).__name__
+            raise ShapeError(
+                f"{self.law}.initial_state gave {found}; it must give a float64 array {wanted}, a column for "
+                "every scalar of `state_fields` and 4 or 6 for every tensor"
+            )
+        return stress, state
+
+    def moduli(self, stress, state):
+        """Bulk and shear modulus, two (n,) arrays in Pa."""
+        moduli = self.material.elastic_moduli(stress.copy(), state.copy())
+        for name, values in zip(("bulk", "shear"), moduli, strict=True):
+            values = np.asarray(values)
+            if values.shape != (len(stress),) or not np.all((values > 0) & np.isfinite(values)):
+                raise ModuliError(
+                    f"{self.law}.elastic_moduli: the {name} modulus must be {len(stress)} positive finite "
+                    f"numbers, one for each row, not {values.shape} {values.ravel()[:3]}"
+                )
+        return moduli
+
+    def after(self, stress, increment, state, dt):
+        """Stress and state after one call."""
+        stress, state = stress.copy(), state.copy()
+        self.material.compute_stress(stress, increment.copy(), state, dt)
+        return stress, state
+
+    def increments(self, count=ROWS):
+        """Random strain increments (count, components), 1e-7 to 3e-3 in size."""
+        size = 10 ** self.rng.uniform(-7.0, -2.5, (count, 1))
+        return size * self.rng.normal(size=(count, self.components))
+
+    def stress_scale(self, stress, state, increment):
+        """Stress (n,) to which differences are compared."""
+        bulk = self.moduli(stress, state)[0]
+        return np.abs(stress).max(axis=1) + bulk * (np.abs(increment).max(axis=1) + 1e-9)
+
+    def check_finite(self, stress, state, where: str) -> None:
+        """Raise NonFiniteError if a number is not finite; `where` ends the sentence."""
+        bad = ~(np.isfinite(stress).all(axis=1) & np.isfinite(state).all(axis=1))
+        if bad.any():
+            row = int(np.flatnonzero(bad)[0])
+            raise NonFiniteError(
+                f"{self.law}: NaN or infinity in row {row} after {where}: stress {stress[row]}, state "
+                f"{state[row]}. Guard divisions by |s|, p and 0, roots and logarithms of negative numbers"
+            )
