@@ -77,11 +77,12 @@ def check_components(rows: Rows) -> None:
     for c in range(3, rows.components):
         increment = np.zeros_like(rows.stress)
         increment[:, c] = 1e-6
-        change = np.abs(rows.after(rows.stress, increment, rows.state, np.inf)[0] - rows.stress)
-        shear = change[:, 3:]
-        row = int(np.argmax(shear.max(axis=1) - shear[:, c - 3]))
-        answered = int(np.argmax(shear[row])) + 3
-        if answered != c:
+        change = np.abs(rows.after(rows.stress, increment, rows.state, 1e-6)[0] - rows.stress)
+        shear, scale = change[:, 3:], rows.stress_scale(rows.stress, rows.state, increment)
+        excess = (shear.max(axis=1) - shear[:, c - 3]) / scale
+        row = int(np.argmax(excess))
+        if excess[row] > SAME:
+            answered = int(np.argmax(shear[row])) + 3
             raise FrameError(
                 f"{rows.law}: strain in {names[c]} makes stress in {names[answered]} of row {row}; components stand in "
                 "the order xx, yy, zz, xy, yz, xz (some codes have xy, xz, yz)"
