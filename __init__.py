@@ -3,7 +3,7 @@
 from importlib import import_module
 
 _OFFERED = {
-    "Simulation": "periporo.core.simulation",
+    "Simulation": "periporo.core.scene.source",
     "run": "periporo.core.run",
     "open_results": "periporo.io.output.results",
     "InputError": "periporo.errors",

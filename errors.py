@@ -1,4 +1,4 @@
-"""One exception for everything that is wrong with an input, and its one-screen message."""
+"""What users are told: one exception for an input that cannot be used, with its one-screen message, one for outputs."""
 
 import difflib
 import textwrap
@@ -44,6 +44,10 @@ class InputError(Exception):
                 return "\n".join([*lines, f"  and {count - shown} more"])
             lines += block
         return "\n".join(lines)
+
+
+class OutputError(Exception):
+    """A result file cannot be opened or written; raised on all ranks alike."""
 
 
 def _block(problem: Problem) -> list[str]:

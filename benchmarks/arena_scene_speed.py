@@ -11,7 +11,7 @@ import numpy as np
 from mpi4py import MPI
 
 from periporo.core.scene.build import build
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 
 from . import option_parser
 

@@ -21,7 +21,7 @@ from mpi4py import MPI
 
 from periporo.core.motion.timestep import apply_stiffness
 from periporo.core.scene.build import build
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 
 from . import option_parser
 from .library.blocks import SCHEMES, block

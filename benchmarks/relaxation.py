@@ -16,8 +16,8 @@ from mpi4py import MPI
 
 from periporo.core.motion.relaxation import Relaxation
 from periporo.core.scene.build import build
+from periporo.io.input.load import parse_scene
 from periporo.io.input.yaml_source import read_yaml
-from periporo.io.schema.scene import parse_scene
 
 from . import option_parser
 

@@ -21,7 +21,7 @@ from periporo.core.motion.relaxation import RelaxationError
 from periporo.core.scene.build import build
 from periporo.core.watch.observers import Observer
 from periporo.core.watch.watchdog import Watchdog, WatchdogError
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 
 from . import FIGURES, option_parser
 

@@ -25,7 +25,7 @@ from mpi4py import MPI
 
 from periporo.core.scene.build import build
 from periporo.core.scene.check import state_bytes
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 
 from . import ROOT, option_parser
 

@@ -13,8 +13,8 @@ import importlib.resources
 from mpi4py import MPI
 
 from periporo.core.scene.build import build
+from periporo.io.input.load import parse_scene
 from periporo.io.input.yaml_source import read_yaml
-from periporo.io.schema.scene import parse_scene
 
 from . import option_parser
 from .library.blocks import SCHEMES

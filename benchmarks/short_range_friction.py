@@ -12,8 +12,8 @@ import numpy as np
 from periporo.contact.rigid import RigidContact
 from periporo.contact.short_range_published import ShortRangePublished
 from periporo.contact.surfaces import Plane
-from periporo.core.motion.energy import ForceChannels
 from periporo.core.motion.integrator import drift, first_kick, second_kick
+from periporo.core.points.forces import ForceChannels
 from periporo.core.points.particles import Particles
 
 from . import option_parser

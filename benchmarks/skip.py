@@ -17,7 +17,7 @@ from mpi4py import MPI
 from periporo.contact.repulsion import Repulsion
 from periporo.core.points.fields import StrainMeasures
 from periporo.core.scene.build import build
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 
 from . import option_parser
 from .library.blocks import MATERIALS

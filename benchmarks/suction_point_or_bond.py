@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 from periporo.core.correspondence import bond_projected as scheme
 from periporo.core.scene.build import build
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 
 from . import option_parser
 

@@ -25,8 +25,8 @@ from periporo.core.cli import RUN_ERROR
 from periporo.core.cli import main as periporo
 from periporo.core.points import fields
 from periporo.core.scene.build import build
+from periporo.io.input.load import parse_scene
 from periporo.io.output.results import ResultError, open_results
-from periporo.io.schema.scene import parse_scene
 
 from . import FIGURES, option_parser
 from .library.uniaxial_figures import draw

@@ -22,8 +22,8 @@ the normal force. Forces on the two points are opposite.
 
 import numpy as np
 
-from periporo.core.motion.energy import ForceChannels
 from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.points.forces import ForceChannels
 from periporo.core.points.neighbours import find_pairs
 from periporo.core.points.particles import Field, Particles
 from periporo.core.ranks.reductions import any_rank, maximum, minimum

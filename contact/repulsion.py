@@ -8,10 +8,10 @@ with the stress of a flow.
 
 import numpy as np
 
-from periporo.core.motion.energy import ForceChannels
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics.algebra import LANES
 from periporo.core.numerics.jit import kernel
+from periporo.core.points.forces import ForceChannels
 from periporo.core.points.particles import Particles
 
 

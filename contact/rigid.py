@@ -9,8 +9,8 @@ holds the elastic normal force, `friction` the tangential force and the normal d
 import numpy as np
 
 from periporo.contact.surfaces import Surface
-from periporo.core.motion.energy import ForceChannels
 from periporo.core.numerics.jit import kernel
+from periporo.core.points.forces import ForceChannels
 from periporo.core.points.particles import Field, Particles
 
 _SOON = 1.5  # reaches within which a point counts as one that may touch soon

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from periporo.core.motion.energy import ForceChannels
 from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.points.forces import ForceChannels
 from periporo.core.points.particles import Particles
 
 

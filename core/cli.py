@@ -86,8 +86,8 @@ def _seconds(text: str) -> float:
 
 
 def _use_tool(arguments) -> int:
+    from periporo.errors import OutputError
     from periporo.io.output.results import ResultError
-    from periporo.io.output.writer import OutputError
 
     try:
         status = importlib.import_module(arguments.module).run(arguments)
@@ -112,8 +112,7 @@ def _simulate(arguments) -> int:
     from periporo.core.run import run
     from periporo.core.scene.check import check_scene
     from periporo.core.watch.watchdog import WatchdogError
-    from periporo.errors import InputError
-    from periporo.io.output.writer import OutputError
+    from periporo.errors import InputError, OutputError
 
     comm = MPI.COMM_WORLD
     try:

@@ -15,18 +15,18 @@ from periporo.core.numerics import jit
 from periporo.core.points import fields
 from periporo.core.points.probes import Probes
 from periporo.core.ranks.reductions import quantile
-from periporo.core.scene.build import build, vertical_axis
+from periporo.core.scene.build import build, output_names, vertical_axis
 from periporo.core.scene.source import naming, read_everywhere
 from periporo.core.watch.interrupt import Interrupted, Keeper, Signals
 from periporo.core.watch.observers import Callback, HistoryObserver, ProgressObserver, ResultObserver
-from periporo.core.watch.state import StateError
+from periporo.core.watch.state import State, StateError, memory, tables
 from periporo.core.watch.state import resume as resume_from
 from periporo.core.watch.watchdog import Watchdog
-from periporo.errors import InputError, Problem
+from periporo.errors import InputError, OutputError
 from periporo.io.output import checkpoint
 from periporo.io.output.log import Progress
 from periporo.io.output.results import ResultError, open_results
-from periporo.io.output.writer import OutputError, ResultWriter
+from periporo.io.output.writer import ResultWriter
 from periporo.io.schema.scene import Checkpoint
 
 
@@ -159,7 +159,8 @@ def _keeper(scene, target, writer, walltime, signals, message, began):
     def write(sim):
         writer.flush()
         everywhere(sim.comm, checkpoint.sync, target)
-        return checkpoint.write(sim, target, configuration, chosen.keep)
+        now = sim.step_number, memory(sim), tables(sim)
+        return checkpoint.write(sim.comm, target, *now, configuration, chosen.keep)
 
     interval = None if scene.checkpoint is None else chosen.interval
     return Keeper(write, signals, interval=interval, walltime=walltime, message=message, began=began)
@@ -179,7 +180,7 @@ def _state_to_resume(scene, target, comm, message):
     paths, damage = everywhere(comm, checkpoint.existing, target), None
     for path in paths:
         try:
-            state = checkpoint.read(path, comm, _fingerprint(scene), message)
+            state = State.of_tables(*checkpoint.read(path, comm, _fingerprint(scene), message))
         except checkpoint.CheckpointError as error:
             message(str(error))
             damage = error
@@ -201,17 +202,6 @@ def _is_finished(target) -> bool:
             return "finished" in results.attributes
     except ResultError:
         return False
-
-
-def output_names(scene, sim) -> tuple[str, ...]:
-    """Names of the fields that the scene writes. Raises InputError if it does not have one."""
-    known = fields.available(sim)
-    names = scene.output.fields or fields.DEFAULT
-    for name in names:
-        if name not in known:
-            allowed = ", ".join(sorted(known))
-            raise InputError("scene", [Problem(("output", "fields"), f"no field '{name}'; this scene has: {allowed}")])
-    return tuple(names)
 
 
 def _attributes(scene, comm):

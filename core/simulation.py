@@ -1,11 +1,15 @@
 """The simulation: its parts, and the only time loop in the program."""
 
+from collections.abc import Callable
+from typing import ClassVar
+
 import numpy as np
 from mpi4py import MPI
 
 from periporo.core.bonds.bonds import Bonds
-from periporo.core.motion.energy import ForceChannels, Ledger
+from periporo.core.motion.energy import Ledger
 from periporo.core.motion.integrator import drift, first_kick, second_kick
+from periporo.core.points.forces import ForceChannels
 from periporo.core.points.particles import Particles
 from periporo.core.ranks import domain as decomposition
 from periporo.core.ranks.halo import Halo
@@ -26,6 +30,9 @@ class Simulation:
     Built by `periporo.core.scene.build`; `step` advances it, `run` goes through its stages. What a scene does
     not have is an empty list here.
     """
+
+    reader: ClassVar[Callable[..., "Simulation"] | None] = None
+    """What makes the simulation of a scene on the ranks of a communicator; `periporo.core.scene.source` sets it."""
 
     def __init__(self, comm, particles: Particles, materials, scheme, *, spacing, skin, time_step):
         self.comm = comm
@@ -60,9 +67,9 @@ class Simulation:
 
         It runs in memory, without files, watchdog or progress, which `periporo.run` adds. Raises InputError.
         """
-        from periporo.core.scene.source import simulation_of  # which builds on this module
-
-        return simulation_of(scene, MPI.COMM_WORLD if comm is None else comm)
+        if cls.reader is None:
+            raise RuntimeError("nothing is here that reads scenes: get the class by `from periporo import Simulation`")
+        return cls.reader(scene, MPI.COMM_WORLD if comm is None else comm)
 
     def call_every(self, interval: int, function) -> None:
         """Call `function(simulation)` on every rank after every `interval`-th step."""

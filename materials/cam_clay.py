@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from periporo.core.numerics.tensors import dimension_of, equivalent_shear, mean
-from periporo.core.points.material import StateField
+from periporo.core.points.material import BONDING, StateField
 from periporo.materials.base import MaterialParameters
 from periporo.materials.cam_clay_return import advance, bonded_size, bonding_exponents
 from periporo.materials.friction import FrictionAngles, angles_of_cone, shown
@@ -21,7 +21,6 @@ from periporo.materials.friction import FrictionAngles, angles_of_cone, shown
 _PRESSURE, _DENSITY, _NUMBER, _VISCOSITY = ({"unit": u} for u in ("Pa", "kg/m^3", "1", "Pa^3 s"))
 
 PRECONSOLIDATION = StateField("preconsolidation", "Pa", merge="log_mean")
-BONDING = StateField("bonding", "1")
 DISSIPATION = StateField("dissipation", "J/m^3")
 _LARGEST_PLANE_SLOPE = 1.0  # M of 35 degrees in plane strain: soils at the critical state have less
 

@@ -16,7 +16,7 @@ from periporo.core.motion.timestep import StableTimeStep
 from periporo.core.points.particles import Particles
 from periporo.core.scene.build import build
 from periporo.core.simulation import Simulation
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 from periporo.materials.elastic import Elastic
 
 ELASTIC = {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}

@@ -3,7 +3,7 @@
 from mpi4py import MPI
 
 from periporo.core.scene.build import build
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 
 from .verification_cases.common import DEFAULT
 

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from periporo.core.motion.energy import INTEGRATION, PRESCRIBED
 from periporo.core.numerics.jit import kernel
+from periporo.core.points.forces import INTEGRATION, PRESCRIBED
 from periporo.core.points.particles import Particles
 
 

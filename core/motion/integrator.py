@@ -2,9 +2,9 @@
 
 import math
 
-from periporo.core.motion.energy import INTEGRATION, ForceChannels
 from periporo.core.numerics import vectors
 from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.points.forces import INTEGRATION, ForceChannels
 from periporo.core.points.particles import Particles
 
 

@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
-from periporo.core.motion.energy import WORK
 from periporo.core.numerics.tensors import square_lengths
+from periporo.core.points.forces import WORK
 from periporo.core.ranks.reductions import exact_sum
 
 _STEERING, _DECAY, _PATIENCE = 0.1, 0.99, 5

@@ -14,9 +14,9 @@ import numpy as np
 
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics.jit import kernel
+from periporo.core.numerics.random_numbers import uniform
 from periporo.core.ranks.reductions import inner, maximum
 from periporo.errors import InputError, Problem
-from periporo.io.geometry.lattice import uniform
 
 _MOST_ITERATIONS = 12  # of Lanczos
 _CONVERGED = 2e-3  # relative change of the frequency in one of them

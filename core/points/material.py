@@ -31,6 +31,10 @@ class StateField:
         return components if self.kind == "tensor" else 1
 
 
+BONDING = StateField("bonding", "1")
+"""State column of a law whose grains water bonds: the bonding variable xi, which the pore water writes."""
+
+
 @runtime_checkable
 class Material(Protocol):
     """A constitutive law; see `docs/how-to/own_material.md` for how to write one."""

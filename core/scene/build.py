@@ -12,7 +12,7 @@ from periporo.core.loads.boundary import Gravity, Traction, ViscousDamping, with
 from periporo.core.motion.dissipation import PlasticDissipation, reports
 from periporo.core.motion.stages import DynamicsStage, RelaxStage
 from periporo.core.motion.timestep import StableTimeStep
-from periporo.core.points.fields import StrainMeasures
+from periporo.core.points import fields
 from periporo.core.points.particles import Particles
 from periporo.core.scene.boundaries import build_boundary
 from periporo.core.scene.contacts import bonding_groups, build_contact, build_repulsion, is_present, refuse_penetration
@@ -47,7 +47,7 @@ def build(scene, comm) -> Simulation:
         particles.add_field(tilt_field(scene.dimension))
         sim.preparations.append(balance)
     sim.forces.need("external")
-    strains = StrainMeasures()
+    strains = fields.StrainMeasures()
     strains.attach(particles)
     sim.point_processes.append(strains)
     if any(reports(m) for m in materials):
@@ -147,6 +147,17 @@ def vertical_axis(scene) -> int:
     """Axis along gravity, the last one without gravity."""
     gravity = scene.vector(scene.gravity)
     return int(np.argmax(np.abs(gravity))) if gravity.any() else scene.dimension - 1
+
+
+def output_names(scene, sim) -> tuple[str, ...]:
+    """Names of the fields that the scene writes. Raises InputError if it does not have one."""
+    known = fields.available(sim)
+    names = scene.output.fields or fields.DEFAULT
+    for name in names:
+        if name not in known:
+            allowed = ", ".join(sorted(known))
+            raise InputError("scene", [Problem(("output", "fields"), f"no field '{name}'; this scene has: {allowed}")])
+    return tuple(names)
 
 
 def _stage(scene, sim, stage, contacts, lattices):

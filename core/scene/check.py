@@ -7,8 +7,7 @@ import numpy as np
 from periporo.core.motion.timestep import highest_frequency
 from periporo.core.numerics import jit
 from periporo.core.ranks.reductions import maximum, minimum
-from periporo.core.run import output_names
-from periporo.core.scene.build import build, vertical_axis
+from periporo.core.scene.build import build, output_names, vertical_axis
 from periporo.core.scene.source import naming, read_everywhere
 
 _SOFT = 0.05  # weight over bulk modulus

@@ -4,8 +4,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from periporo.core.scene.build import build
+from periporo.core.simulation import Simulation
 from periporo.errors import InputError
-from periporo.io.schema.scene import SceneInput, load_scene, located, parse_scene
+from periporo.io.input.load import load_scene, located, parse_scene
+from periporo.io.schema.scene import SceneInput
 
 
 def read_everywhere(source, comm) -> SceneInput:
@@ -38,8 +40,11 @@ def naming(source):
         raise
 
 
-def simulation_of(source, comm):
+def simulation_of(source, comm) -> Simulation:
     """The simulation of the scene `source`, see `read_everywhere`, on the ranks of `comm`. Raises InputError."""
     scene = read_everywhere(source, comm)
     with naming(source):
         return build(scene, comm)
+
+
+Simulation.reader = staticmethod(simulation_of)

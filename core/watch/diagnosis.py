@@ -8,7 +8,7 @@ import numpy as np
 
 from periporo.core.ranks.reductions import maximum, minimum
 from periporo.core.watch.state import State
-from periporo.io.output.vtkhdf import OutputError
+from periporo.errors import OutputError
 
 _MOST_POINTS = 10_000  # in the file, from each rank
 _NEIGHBOURHOOD = 3.0  # horizons

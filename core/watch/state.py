@@ -33,6 +33,11 @@ class State:
     memory: dict
     domain: Domain | None = None
 
+    @classmethod
+    def of_tables(cls, points: dict[str, np.ndarray], rows: list[dict[str, np.ndarray]], memory: dict) -> "State":
+        """The state that was written as `tables`."""
+        return cls(points, [Carried.of_active(**columns) for columns in rows], memory)
+
 
 def point_fields(sim) -> list[str]:
     """Names of the point fields that belong to a state."""
@@ -44,6 +49,19 @@ def capture(sim) -> State:
     n = sim.particles.owned
     points = {name: getattr(sim.particles, name)[:n].copy() for name in point_fields(sim)}
     return State(points, [own_rows(sim, r) for r in sim.bonds.carriers], memory(sim), sim.domain)
+
+
+def tables(sim):
+    """The present state as tables for a file: (name, keys (n,), columns by name) of the points, then of each carrier.
+
+    Rows are sorted by their keys; `State.of_tables` takes the columns back.
+    """
+    n = sim.particles.owned
+    yield "points", sim.particles.id[:n], {name: getattr(sim.particles, name)[:n] for name in point_fields(sim)}
+    for held in sim.bonds.carriers:
+        rows = own_rows(sim, held)
+        columns = {"ids": rows.ids, "stress": rows.stress, "state": rows.state}
+        yield f"rows_{held.index}", rows.ids[:, 0], columns
 
 
 def own_rows(sim, held) -> Carried:

@@ -10,9 +10,9 @@ on the number of ranks.
 import numpy as np
 from mpi4py import MPI
 
-from periporo.core.motion.energy import INTEGRATION
 from periporo.core.numerics.jit import kernel
 from periporo.core.numerics.tensors import square_lengths
+from periporo.core.points.forces import INTEGRATION
 from periporo.core.ranks.reductions import maximum
 from periporo.core.watch.diagnosis import Fault, find_fault, report
 from periporo.core.watch.interrupt import CHECK_INTERVAL

@@ -9,11 +9,11 @@ pores is part of the internal work.
 
 import numpy as np
 
-from periporo.core.motion.energy import WORK
 from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.points.forces import WORK
+from periporo.core.points.material import BONDING
 from periporo.core.points.particles import Field
 from periporo.errors import InputError, Problem
-from periporo.materials.cam_clay import BONDING
 
 _EXTERNAL = WORK.index("external")
 _KILOPASCAL = 1e3

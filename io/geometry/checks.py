@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,14 +10,12 @@ from periporo.io.geometry.lattice import CHUNK, Lattice, build_lattices
 from periporo.io.geometry.points import PointFileError, read_points
 from periporo.io.schema.base import MAX_LENGTH
 from periporo.io.schema.bodies import Points
-
-if TYPE_CHECKING:
-    from periporo.io.schema.scene import SceneInput
+from periporo.io.schema.scene import SceneInput
 
 MAX_SITES = 2 * 10**9
 
 
-def geometry_problems(scene: "SceneInput") -> Iterator[Problem]:
+def geometry_problems(scene: SceneInput) -> Iterator[Problem]:
     """Bodies that are too small, too large, empty, or that overlap."""
     try:
         lattices = build_lattices(scene)
@@ -48,7 +45,7 @@ def geometry_problems(scene: "SceneInput") -> Iterator[Problem]:
                 yield Problem(("bodies", k, "shape"), message)
 
 
-def _file_problems(scene: "SceneInput") -> Iterator[Problem]:
+def _file_problems(scene: SceneInput) -> Iterator[Problem]:
     for k, body in enumerate(scene.bodies):
         if isinstance(body.shape, Points):
             try:

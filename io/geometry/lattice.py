@@ -7,15 +7,13 @@ A lattice covers the bounding box of a body with cells of one spacing. Site k ha
 import math
 from collections.abc import Iterator
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from periporo.core.numerics.random_numbers import uniform
 from periporo.io.geometry.points import PointTable, read_points
 from periporo.io.schema.bodies import Body, Box, Cylinder, Disc, Points, Polygon, Shape, Sphere
-
-if TYPE_CHECKING:
-    from periporo.io.schema.scene import SceneInput
+from periporo.io.schema.scene import SceneInput
 
 CHUNK = 2**17  # sites looked at in one go
 
@@ -29,7 +27,7 @@ class Lattice:
     index of the body's material, `layers` lists (level, index) of those above, ascending.
     """
 
-    def __init__(self, scene: "SceneInput", body: Body, first_id: int = 0):
+    def __init__(self, scene: SceneInput, body: Body, first_id: int = 0):
         self.body = body
         self.first_id = first_id
         self.spacing = scene.spacing
@@ -127,7 +125,7 @@ class Lattice:
         return materials
 
 
-def build_lattices(scene: "SceneInput") -> list[Lattice]:
+def build_lattices(scene: SceneInput) -> list[Lattice]:
     """A lattice for every body; their ids follow each other."""
     lattices, first_id = [], 0
     for body in scene.bodies:
@@ -141,22 +139,6 @@ def count_points(lattice: Lattice) -> int:
     if isinstance(lattice.body.shape, Box | Points):
         return lattice.size
     return sum(len(ids) for ids, *_ in lattice.chunks())
-
-
-def uniform(ids: np.ndarray, columns: int, seed: int) -> np.ndarray:
-    """Random numbers (n, columns) in [0, 1) that depend on `seed` and each row's id alone (splitmix64)."""
-    start = _mixed(np.array([seed], dtype=np.uint64))
-    rows = _mixed(ids.astype(np.uint64) + start)
-    words = _mixed(rows[:, None] + np.arange(columns, dtype=np.uint64))
-    return (words >> np.uint64(11)) * 2.0**-53
-
-
-def _mixed(words: np.ndarray) -> np.ndarray:
-    """The output function of splitmix64 (Steele, Lea & Flood 2014), with its increment."""
-    words = words + np.uint64(0x9E3779B97F4A7C15)
-    words = (words ^ (words >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    words = (words ^ (words >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return words ^ (words >> np.uint64(31))
 
 
 def _bounds(shape: Shape, dimension: int) -> tuple[np.ndarray, np.ndarray]:

@@ -1,7 +1,7 @@
 """What no single key can tell: parameters fit their laws, names exist, vectors suit the dimension."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import BaseModel
 
@@ -11,10 +11,8 @@ from periporo.io.schema.base import MotionComponents, Region, SceneModel
 from periporo.io.schema.bodies import Body, Polygon, StressComponents
 from periporo.io.schema.contacts import Boundary, Traction
 from periporo.io.schema.errors import model_problems
+from periporo.io.schema.scene import SceneInput
 from periporo.materials import registry
-
-if TYPE_CHECKING:
-    from periporo.io.schema.scene import SceneInput
 
 _ONLY_IN_2D = ("disc", "polyline")
 _ONLY_IN_3D = ("cylinder", "sphere")
@@ -50,7 +48,7 @@ def _law_problems(path: Path, parameters: dict[str, Any]) -> list[Problem]:
     return []
 
 
-def scene_problems(scene: "SceneInput") -> list[Problem]:
+def scene_problems(scene: SceneInput) -> list[Problem]:
     """Contradictions within a scene whose parts are valid each for itself."""
     problems = [*_dimension_problems(scene), *_order_problems(scene), *_name_problems(scene)]
     problems += [*_gravity_problems(scene), *_motion_problems(scene), *_water_problems(scene)]
@@ -71,7 +69,7 @@ def _parts(value: Any, path: Path = ()) -> Iterator[tuple[Path, SceneModel]]:
             yield from _parts(entry, (*path, index))
 
 
-def _dimension_problems(scene: "SceneInput") -> Iterator[Problem]:
+def _dimension_problems(scene: SceneInput) -> Iterator[Problem]:
     d = scene.dimension
     for path, part in _parts(scene):
         for name, info in type(part).model_fields.items():
@@ -112,7 +110,7 @@ def _out_of_plane(path: Path, part: SceneModel) -> Iterator[Problem]:
                 yield Problem((*path, name), f"must be zero in 2 dimensions, not {getattr(part, name):g}")
 
 
-def _order_problems(scene: "SceneInput") -> Iterator[Problem]:
+def _order_problems(scene: SceneInput) -> Iterator[Problem]:
     """Lower corners that are not below the upper ones."""
     for path, part in _parts(scene):
         lower, upper = getattr(part, "lower", None) or (), getattr(part, "upper", None) or ()
@@ -124,7 +122,7 @@ def _order_problems(scene: "SceneInput") -> Iterator[Problem]:
             yield Problem((*path, "extrude"), "the second value must exceed the first")
 
 
-def _name_problems(scene: "SceneInput") -> Iterator[Problem]:
+def _name_problems(scene: SceneInput) -> Iterator[Problem]:
     """Names that are given twice, and references to what does not exist."""
     bodies, stages = [b.name for b in scene.bodies], [s.name for s in scene.stages]
     for key, names in (("bodies", bodies), ("stages", stages)):
@@ -141,7 +139,7 @@ def _name_problems(scene: "SceneInput") -> Iterator[Problem]:
             yield Problem(("contacts", k, "second"), "must be another body than 'first'")
 
 
-def _references(scene: "SceneInput", bodies: list[str], stages: list[str]) -> Iterator[tuple]:
+def _references(scene: SceneInput, bodies: list[str], stages: list[str]) -> Iterator[tuple]:
     """(path, name, kind, known names) of every reference by name."""
     for k, body in enumerate(scene.bodies):
         yield ("bodies", k, "material"), body.material, "material", scene.materials
@@ -161,7 +159,7 @@ def _references(scene: "SceneInput", bodies: list[str], stages: list[str]) -> It
             yield ("contacts", k, "second"), contact.second, "body", bodies
 
 
-def _gravity_problems(scene: "SceneInput") -> Iterator[Problem]:
+def _gravity_problems(scene: SceneInput) -> Iterator[Problem]:
     """What needs a direction of gravity in a scene without one."""
     if any(scene.gravity or ()):
         return
@@ -176,7 +174,7 @@ def _gravity_problems(scene: "SceneInput") -> Iterator[Problem]:
             )
 
 
-def _motion_problems(scene: "SceneInput") -> Iterator[Problem]:
+def _motion_problems(scene: SceneInput) -> Iterator[Problem]:
     """Displacements that would make points jump."""
     for name, boundary in scene.boundaries.items():
         for axis in "xyz" if boundary.displacement else "":
@@ -187,7 +185,7 @@ def _motion_problems(scene: "SceneInput") -> Iterator[Problem]:
                 yield Problem(path, message + "give {times: [..], values: [0, ..]}")
 
 
-def _water_problems(scene: "SceneInput") -> Iterator[Problem]:
+def _water_problems(scene: SceneInput) -> Iterator[Problem]:
     """Pore water in a scene with a law that has its own."""
     if scene.pore_water is None:
         return

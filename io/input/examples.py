@@ -7,8 +7,7 @@ from pathlib import Path
 
 import yaml
 
-from periporo.errors import choice
-from periporo.io.output.writer import OutputError
+from periporo.errors import OutputError, choice
 
 
 @cache

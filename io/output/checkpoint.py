@@ -14,10 +14,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from periporo.core.bonds.blocks import Carried
 from periporo.core.numerics.jit import program_fingerprint
-from periporo.core.watch.state import State, memory, own_rows, point_fields
-from periporo.io.output.vtkhdf import OutputError
+from periporo.errors import OutputError
 
 PROGRAM = program_fingerprint()
 """What wrote a checkpoint: version of the sources and kind of processor, on which bits may depend."""
@@ -54,21 +52,18 @@ def _beside(target, ending):
     return [p for p in target.absolute().parent.iterdir() if p.name.startswith(start) and p.name.endswith(ending)]
 
 
-def write(sim, target: Path, configuration: str, keep: int) -> Path:
-    """Write a checkpoint of the present state beside `target` and delete older ones but `keep`; collective.
+def write(comm, target: Path, step: int, memory: dict, tables, configuration: str, keep: int) -> Path:
+    """Write a checkpoint of `step` beside the result file `target` and delete older ones but `keep`; collective.
 
+    `tables` yields (name, keys (n,), columns by name) of this rank's rows: `points`, and `rows_0`, `rows_1` ... by the
+    ids of their first ends; `memory` is what the parts remember, `configuration` the scene as JSON.
     Raises OutputError on all ranks alike, when the disk is full for example; the older checkpoints remain then.
     """
-    comm, p, path = sim.comm, sim.particles, path_of(target, sim.step_number)
+    path = path_of(target, step)
     file = _Writer(comm, path)
-    file.begin({"memory": json.dumps(memory(sim)), "configuration": configuration, "step": sim.step_number,
-                "program": PROGRAM})  # fmt: skip
-    n = p.owned
-    file.put("points", p.id[:n], {name: getattr(p, name)[:n] for name in point_fields(sim)})
-    for held in sim.bonds.carriers:
-        rows = own_rows(sim, held)
-        columns = {"ids": rows.ids, "stress": rows.stress, "state": rows.state}
-        file.put(f"rows_{held.index}", rows.ids[:, 0], columns)
+    file.begin({"memory": json.dumps(memory), "configuration": configuration, "step": step, "program": PROGRAM})
+    for table in tables:
+        file.put(*table)
     file.finish()
     file.on_rank_0(remove, target, keep)
     return path
@@ -178,20 +173,22 @@ def sync(path: Path) -> None:
         os.close(handle)
 
 
-def read(path: Path, comm, configuration: str, message=print) -> State:
-    """This rank's share of the points and rows in a checkpoint; collective.
+Table = dict[str, np.ndarray]
+
+
+def read(path: Path, comm, configuration: str, message=print) -> tuple[Table, list[Table], dict]:
+    """This rank's share of a checkpoint: columns of the points, of `rows_0`, `rows_1` ..., and the memory; collective.
 
     `configuration` is that of the run that wants to go on; `message` is told if another version wrote the file. On all
-    ranks alike raises CheckpointError if the file is
-    damaged, OutputError if it belongs to another scene.
+    ranks alike raises CheckpointError if the file is damaged, OutputError if it belongs to another scene.
     """
-    state, failure, foreign, program = None, None, None, PROGRAM
+    share, failure, foreign, program = None, None, None, PROGRAM
     try:
         with h5py.File(path, "r", locking=False) as file:
             foreign = _difference(file, configuration)
             program = file.attrs.get("program")
             if foreign is None:
-                state = _share(file, comm.rank, comm.size)
+                share = _share(file, comm.rank, comm.size)
     except (OSError, RuntimeError, KeyError, ValueError) as error:
         failure = f"it is damaged ({error})"
     failure = next((f for f in comm.allgather(failure) if f is not None), None)
@@ -202,7 +199,7 @@ def read(path: Path, comm, configuration: str, message=print) -> State:
     if program != PROGRAM:
         message(f"{path.name} is of another version of periporo, or of another kind of processor: the run goes on, "
                 "but not to the last bit as if it had not been interrupted")  # fmt: skip
-    return state
+    return share
 
 
 def _difference(file, configuration):
@@ -222,8 +219,8 @@ def _share(file, rank, ranks):
     for k in range(sum(name.startswith("rows_") for name in file)):
         table = file[f"rows_{k}"]
         part = slice(_first_at_least(table["ids"], lower), _first_at_least(table["ids"], upper))
-        rows.append(Carried.of_active(*(table[name][part] for name in ("ids", "stress", "state"))))
-    return State(points, rows, json.loads(file.attrs["memory"]))
+        rows.append({name: table[name][part] for name in ("ids", "stress", "state")})
+    return points, rows, json.loads(file.attrs["memory"])
 
 
 def _first_at_least(ids, value):

@@ -22,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
+from periporo.errors import OutputError
 from periporo.io.output.lock import Lock, Locked
 from periporo.io.output.vtkhdf_layout import (
     COUNTS,
@@ -40,10 +41,6 @@ from periporo.io.output.vtkhdf_layout import (
 
 _BLOCK = 64 * 8192  # rows of the topology made at once
 _METADATA_BYTES = 16_384  # most that a growing dataset adds to its description and chunk index at once
-
-
-class OutputError(Exception):
-    """A result file cannot be opened or written; raised on all ranks alike."""
 
 
 class ResultFile:

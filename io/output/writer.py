@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from periporo.io.output.vtkhdf import OutputError, ResultFile
+from periporo.errors import OutputError
+from periporo.io.output.vtkhdf import ResultFile
 
 __all__ = ["OutputError", "ResultWriter"]
 

@@ -1,16 +1,13 @@
-"""The scene: its input model, and reading it from a YAML file or a dictionary."""
+"""A complete scene: what may be said of it as a whole, of its stages, and of the run."""
 
 from copy import deepcopy
 from functools import cache
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from periporo.errors import InputError, Problem
-from periporo.io.input.checks import material_problems, scene_problems
-from periporo.io.input.yaml_source import YamlSource, read_yaml
 from periporo.io.schema.base import (
     Acceleration,
     FileName,
@@ -25,10 +22,8 @@ from periporo.io.schema.base import (
 )
 from periporo.io.schema.bodies import Body, ExistingFile, InitialStress, MaterialInput
 from periporo.io.schema.contacts import Boundary, Contact
-from periporo.io.schema.errors import problems_of
 
 _RESULT_SUFFIXES = (".h5", ".hdf5", ".vtkhdf")
-_MAX_NESTING = 40
 
 
 def _inside_the_working_folder(name: str) -> str:
@@ -243,66 +238,12 @@ class SceneInput(SceneModel):
         return np.zeros(self.dimension) if entry is None else np.array(entry, dtype=float)
 
 
-def load_scene(path: str | Path) -> SceneInput:
-    """Read and check the scene in the YAML file `path`. Raises InputError with all problems found."""
-    source = read_yaml(path)
-    return _checked(source.data, Path(path).resolve().parent, source)
-
-
-def parse_scene(data: dict[str, Any], folder: str | Path = ".") -> SceneInput:
-    """Check a scene given as a dictionary; arrays are welcome, file names are relative to `folder`.
-
-    Raises InputError with all problems found.
-    """
-    return _checked(_plain(data), Path(folder), None)
-
-
-def _checked(data: Any, folder: Path, source: YamlSource | None) -> SceneInput:
-    scene = None
-    problems = list(source.problems) if source else []
-    problems += material_problems(data)
-    try:
-        scene = SceneInput.model_validate(data, context={"folder": folder})
-    except ValidationError as error:
-        problems += problems_of(error, _cached_schema(), data)
-    if scene is not None and not problems:
-        problems += scene_problems(scene)
-    if problems:
-        name = source.name if source else "scene"
-        raise InputError(name, [_with_line(problem, source) for problem in problems])
-    return scene
-
-
-def located(error: InputError, path: str | Path) -> InputError:
-    """The problems that were found in the scene of the YAML file `path`, with that name and its lines."""
-    source = read_yaml(path)
-    return InputError(source.name, [_with_line(problem, source) for problem in error.problems])
-
-
-def _with_line(problem: Problem, source: YamlSource | None) -> Problem:
-    if source is None or problem.line is not None:
-        return problem
-    return Problem(problem.path, problem.message, source.line(problem.path))
-
-
-def _plain(value: Any, depth: int = 0) -> Any:
-    """Arrays and NumPy numbers as lists and numbers, throughout a nest of dictionaries and lists."""
-    if depth > _MAX_NESTING:
-        raise InputError("scene", [Problem((), f"nested more than {_MAX_NESTING} levels deep")])
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if isinstance(value, dict):
-        return {k: _plain(v, depth + 1) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v, depth + 1) for v in value]
-    return value
-
-
 @cache
-def _cached_schema() -> dict[str, Any]:
+def scene_schema() -> dict[str, Any]:
+    """JSON Schema of a scene, made once; whoever changes it takes a copy, as `scene_json_schema` does."""
     return SceneInput.model_json_schema()
 
 
 def scene_json_schema() -> dict[str, Any]:
     """JSON Schema of a scene, with descriptions and units, for editors and for the reference."""
-    return deepcopy(_cached_schema())
+    return deepcopy(scene_schema())

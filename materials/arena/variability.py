@@ -4,17 +4,14 @@ import math
 
 import numpy as np
 
+from periporo.core.numerics.random_numbers import INCREMENT, splitmix64
+
 
 def uniform_draws(ids: np.ndarray, seed: int) -> np.ndarray:
     """One number in (0, 1) per global id, the same on every rank count (splitmix64 of id and seed)."""
     with np.errstate(over="ignore"):
-        z = ids.astype(np.uint64) + np.uint64(1)
-        z += np.uint64(seed) * np.uint64(0xD1342543DE82EF95)
-        z *= np.uint64(0x9E3779B97F4A7C15)
-        z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-        z ^= z >> np.uint64(31)
-    return ((z >> np.uint64(11)).astype(float) + 0.5) / 2.0**53
+        words = splitmix64((ids.astype(np.uint64) + np.uint64(seed) * np.uint64(0xD1342543DE82EF95)) * INCREMENT)
+    return ((words >> np.uint64(11)).astype(float) + 0.5) / 2.0**53
 
 
 def exponential_draws(ids: np.ndarray, seed: int) -> np.ndarray:

@@ -24,13 +24,14 @@ import yaml
 from benchmarks.__main__ import benchmarks
 from periporo.core import cli
 from periporo.core.motion.dissipation import PlasticDissipation
-from periporo.core.motion.energy import WORK
 from periporo.core.points import fields
 from periporo.core.points.fields import StrainMeasures
+from periporo.core.points.forces import WORK
 from periporo.core.watch.observers import HistoryObserver
 from periporo.core.water.pore_water import PoreWater
+from periporo.io.input.load import load_scene, parse_scene
 from periporo.io.input.yaml_source import parse_yaml
-from periporo.io.schema.scene import SceneInput, load_scene, parse_scene
+from periporo.io.schema.scene import SceneInput
 
 ROOT = Path(__file__).parents[2]
 FIGURES = ROOT / "docs" / "figures"  # made by benchmarks

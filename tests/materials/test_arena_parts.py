@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from periporo.core.numerics import tensors
 from periporo.core.scene.build import build
 from periporo.errors import InputError
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 from periporo.materials.arena import Arena
 from periporo.materials.arena.variability import strength_factors
 

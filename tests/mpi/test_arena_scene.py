@@ -10,9 +10,9 @@ from mpi4py import MPI
 
 from periporo.core.bonds.rows import BOTH, FIRST, SECOND
 from periporo.core.scene.build import build
+from periporo.io.input.load import load_scene, parse_scene
 from periporo.io.input.yaml_source import read_yaml
 from periporo.io.output.results import open_results
-from periporo.io.schema.scene import load_scene, parse_scene
 
 SCENE = Path(__file__).parents[2] / "configs" / "arena_on_bedrock.yaml"
 

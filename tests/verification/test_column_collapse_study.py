@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.column_collapse_study import STUDY as FILE
 from benchmarks.library.study import cases, laws, table
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 
 STUDY = cases.Study(FILE)
 

@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 from periporo.core.points import fields
 from periporo.core.scene.build import build
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 
 G, SPACING = 9.81, 0.1
 SAND = {

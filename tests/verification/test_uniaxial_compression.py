@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks import uniaxial_compression as study
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 
 
 @pytest.fixture(scope="module")

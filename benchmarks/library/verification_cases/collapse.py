@@ -7,8 +7,8 @@ from mpi4py import MPI
 
 from periporo.core.scene.build import build
 from periporo.core.watch.observers import Observer
+from periporo.io.input.load import parse_scene
 from periporo.io.input.yaml_source import read_yaml
-from periporo.io.schema.scene import parse_scene
 
 from .common import DEFAULT, Figure, owned
 

@@ -8,7 +8,7 @@ from mpi4py import MPI
 from periporo.core.points import fields
 from periporo.core.scene.build import build
 from periporo.core.watch.observers import Observer
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 
 BULK, SHEAR, DENSITY, GRAVITY = 25e6, 15e6, 1760.0, 9.81
 P_MODULUS = BULK + 4.0 / 3.0 * SHEAR

@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from periporo.core.scene.build import build
 from periporo.errors import InputError
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 
 H = 0.025
 SOFT = {"model": "elastic", "density": 1760.0, "bulk_modulus": 2.5e6, "shear_modulus": 1.5e6}

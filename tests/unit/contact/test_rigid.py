@@ -6,8 +6,8 @@ import pytest
 from periporo.contact.rigid import RigidContact
 from periporo.contact.short_range_published import ShortRangePublished
 from periporo.contact.surfaces import Box, Disc, Plane
-from periporo.core.motion.energy import WORK, ForceChannels
 from periporo.core.motion.integrator import drift, first_kick, second_kick
+from periporo.core.points.forces import WORK, ForceChannels
 from periporo.core.points.particles import Particles
 
 G, H, K, M = 9.81, 0.1, 1e5, 1.0  # gravity, spacing, stiffness, mass

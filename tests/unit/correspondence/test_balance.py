@@ -8,7 +8,7 @@ from periporo.core.correspondence import balance
 from periporo.core.motion.timestep import apply_stiffness, highest_frequency
 from periporo.core.simulation import Simulation
 from periporo.errors import InputError
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 
 BONDS = {"scheme": "bond_projected", "balance": True}
 POINTS = {"scheme": "point_state", "sharpened": True, "balance": True}

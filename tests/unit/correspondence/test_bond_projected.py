@@ -7,7 +7,7 @@ from periporo.core.correspondence.influence import NAMES, support
 from periporo.core.correspondence.moments import DEGENERATE, LOOSEST, REGULAR
 from periporo.core.numerics.tensors import to_matrix
 from periporo.errors import InputError
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 from periporo.materials.elastic import Elastic
 
 SPACING = 0.01

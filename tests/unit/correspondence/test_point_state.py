@@ -10,9 +10,10 @@ from mpi4py import MPI
 from periporo.core.correspondence.point_state import PointState
 from periporo.core.motion.timestep import apply_stiffness
 from periporo.core.numerics.tensors import to_matrix
+from periporo.core.watch import state
 from periporo.errors import InputError
+from periporo.io.input.load import parse_scene
 from periporo.io.output import checkpoint
-from periporo.io.schema.scene import parse_scene
 from periporo.materials.drucker_prager import DruckerPrager
 from periporo.materials.elastic import Elastic
 
@@ -317,7 +318,8 @@ def test_links_start_at_zero_and_last_through_rebuilds_and_checkpoints(make, tmp
     newborn = links.active & [key not in before for key in map(tuple, sim.bonds.pairs.ids.tolist())]
     assert newborn.any() and (links.stress[newborn] == 0.0).all()
     sim.stages = [type("Stage", (), {"memory": dict, "contacts": []})()]
-    path = checkpoint.write(sim, tmp_path / "run.h5", "{}", keep=1)
-    _, kept = checkpoint.read(path, MPI.COMM_SELF, "{}").rows
+    now = sim.step_number, state.memory(sim), state.tables(sim)
+    path = checkpoint.write(sim.comm, tmp_path / "run.h5", *now, "{}", keep=1)
+    _, kept = state.State.of_tables(*checkpoint.read(path, MPI.COMM_SELF, "{}")).rows
     assert np.array_equal(kept.ids, sim.bonds.pairs.ids[links.active])
     assert np.array_equal(kept.stress, links.stress[links.active])

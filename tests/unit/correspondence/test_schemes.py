@@ -9,7 +9,7 @@ from periporo.core.motion.timestep import apply_stiffness
 from periporo.core.numerics.tensors import to_matrix
 from periporo.core.scene.build import SCHEMES
 from periporo.errors import InputError
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 from periporo.materials.elastic import Elastic
 
 SPACING = 0.01

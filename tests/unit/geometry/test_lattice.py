@@ -7,8 +7,8 @@ import pytest
 
 from periporo.errors import InputError
 from periporo.io.geometry.checks import close_pair, find_overlap
-from periporo.io.geometry.lattice import build_lattices, count_points, uniform
-from periporo.io.schema.scene import parse_scene
+from periporo.io.geometry.lattice import build_lattices, count_points
+from periporo.io.input.load import parse_scene
 
 
 def scene(*shapes, dimension=2, spacing=0.1, folder=".", body=None, **keys):
@@ -147,27 +147,6 @@ def test_jitter_is_bounded_centred_and_depends_on_id_and_seed_only():
     assert 0.0199 < np.abs(drawn[0]).max() <= 0.02
     np.testing.assert_allclose(drawn[0].mean(axis=0), 0.0, atol=4 * 0.02 / math.sqrt(3 * 2500))
     np.testing.assert_allclose(drawn[0].std(axis=0), 0.02 / math.sqrt(3), rtol=0.05)
-
-
-def test_random_numbers_are_uniform_and_independent():
-    u = uniform(np.arange(20_000), 3, seed=0)
-    assert u.min() >= 0 and u.max() < 1
-    counts = np.histogram(u.ravel(), bins=20, range=(0, 1))[0]
-    chi_square = ((counts - 3000) ** 2 / 3000).sum()
-    assert 4 < chi_square < 50  # 19 degrees of freedom
-    correlation = np.corrcoef(np.concatenate([u[:-1].T, u[1:].T]))
-    assert np.abs(correlation - np.eye(6)).max() < 0.03
-    np.testing.assert_array_equal(u[5:7], uniform(np.array([5, 6]), 3, seed=0))
-
-
-def test_random_numbers_are_those_of_the_published_generator():
-    """First outputs of splitmix64 from the state 0: Vigna's reference program (2015)."""
-    from periporo.io.geometry.lattice import _mixed
-
-    first, second = 0xE220A8397B1DCDAF, 0x6E789E6AA1B965F4
-    increment = np.uint64(0x9E3779B97F4A7C15)
-    words = _mixed(np.array([0, increment], dtype=np.uint64))
-    assert [int(w) for w in words] == [first, second]
 
 
 def test_points_from_csv(tmp_path):

@@ -13,8 +13,8 @@ import yaml
 
 from periporo.core.numerics import jit
 from periporo.io.input.examples import example_texts
+from periporo.io.input.load import load_scene
 from periporo.io.schema.reference import editor_schema
-from periporo.io.schema.scene import load_scene
 from periporo.materials import registry
 
 REFERENCE = Path(__file__).parents[3] / "docs" / "reference" / "scene"

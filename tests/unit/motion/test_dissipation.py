@@ -5,7 +5,7 @@ import pytest
 from mpi4py import MPI
 
 from periporo.core.scene.build import build
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 
 MISES = {"model": "drucker_prager", "density": 1000.0, "bulk_modulus": 3e6, "shear_modulus": 1e6, "cohesion": 1e3,
          "friction_angle": 0.0, "dilation_angle": 0.0, "report_dissipation": True}  # fmt: skip

@@ -6,7 +6,7 @@ import pytest
 from periporo.contact.rigid import RigidContact
 from periporo.contact.surfaces import Plane
 from periporo.core.loads.boundary import Gravity, PrescribedMotion, ViscousDamping, velocity_history
-from periporo.core.motion.energy import WORK, ForceChannels
+from periporo.core.points.forces import WORK, ForceChannels
 from periporo.core.points.particles import Particles
 
 SPACING = 0.01

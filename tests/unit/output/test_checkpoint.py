@@ -11,9 +11,9 @@ from mpi4py import MPI
 
 from periporo.core.watch import interrupt
 from periporo.core.watch.interrupt import Interrupted, Keeper, Signals
-from periporo.core.watch.state import StateError, capture, install, point_fields, resume
+from periporo.core.watch.state import State, StateError, capture, install, memory, point_fields, resume, tables
+from periporo.errors import OutputError
 from periporo.io.output import checkpoint
-from periporo.io.output.vtkhdf import OutputError
 
 
 class Clock:
@@ -100,6 +100,14 @@ def test_a_second_request_to_stop_kills(monkeypatch):
         assert killed == [(os.getpid(), signal.SIGTERM)] and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
 
 
+def write(sim, target, configuration, keep):
+    return checkpoint.write(sim.comm, target, sim.step_number, memory(sim), tables(sim), configuration, keep)
+
+
+def read(path, *arguments):
+    return State.of_tables(*checkpoint.read(path, MPI.COMM_SELF, *arguments))
+
+
 @pytest.fixture
 def sim(started, scene_of):
     result = started(scene_of(counts=(6, 5), stages=[{"name": "fall", "type": "dynamics", "duration": 1.0}]))
@@ -109,8 +117,8 @@ def sim(started, scene_of):
 
 
 def test_a_file_holds_the_state(sim, tmp_path):
-    path = checkpoint.write(sim, tmp_path / "run.h5", json.dumps({"a": 1}), keep=2)
-    state, kept = checkpoint.read(path, MPI.COMM_SELF, json.dumps({"a": 1})), capture(sim)
+    path = write(sim, tmp_path / "run.h5", json.dumps({"a": 1}), keep=2)
+    state, kept = read(path, json.dumps({"a": 1})), capture(sim)
     assert path.name == "run.checkpoint-000000000010.h5" and set(state.points) == set(point_fields(sim))
     assert all(np.array_equal(state.points[name], kept.points[name]) for name in kept.points)
     assert np.array_equal(state.rows[0].stress, kept.rows[0].stress) and state.memory == kept.memory
@@ -121,30 +129,30 @@ def test_the_last_ones_are_kept_and_halves_swept_away(sim, tmp_path):
     (tmp_path / "run.checkpoint-000000000007.h5.partial").write_bytes(b"half")
     (tmp_path / "other.checkpoint-000000000001.h5").write_bytes(b"another run's")
     for sim.step_number in (10, 20, 30):
-        checkpoint.write(sim, tmp_path / "run.h5", "{}", keep=2)
+        write(sim, tmp_path / "run.h5", "{}", keep=2)
     names = sorted(p.name for p in tmp_path.iterdir())
     assert names == ["other.checkpoint-000000000001.h5", *(f"run.checkpoint-{n:012d}.h5" for n in (20, 30))]
     assert [p.name for p in checkpoint.existing(tmp_path / "run.h5")] == names[:0:-1]
 
 
 def test_damage_and_another_scene_are_told_apart(sim, tmp_path):
-    path = checkpoint.write(sim, tmp_path / "run.h5", json.dumps({"gravity": 1, "spacing": 2}), keep=1)
+    path = write(sim, tmp_path / "run.h5", json.dumps({"gravity": 1, "spacing": 2}), keep=1)
     with pytest.raises(OutputError, match="the scene has another gravity"):
-        checkpoint.read(path, MPI.COMM_SELF, json.dumps({"gravity": 2, "spacing": 2}))
+        read(path, json.dumps({"gravity": 2, "spacing": 2}))
     with h5py.File(path, "r+") as file:
         del file["rows_0/state"]
     with pytest.raises(checkpoint.CheckpointError, match="it is damaged"):
-        checkpoint.read(path, MPI.COMM_SELF, json.dumps({"gravity": 1, "spacing": 2}))
+        read(path, json.dumps({"gravity": 1, "spacing": 2}))
 
 
 def test_another_versions_checkpoint_is_told_and_refused_where_it_does_not_fit(sim, tmp_path):
-    path = checkpoint.write(sim, tmp_path / "run.h5", "{}", keep=1)
+    path = write(sim, tmp_path / "run.h5", "{}", keep=1)
     said = []
-    state = checkpoint.read(path, MPI.COMM_SELF, "{}", said.append)
+    state = read(path, "{}", said.append)
     assert not said
     with h5py.File(path, "r+") as file:
         file.attrs["program"] = "0123456789abcdef"
-    checkpoint.read(path, MPI.COMM_SELF, "{}", said.append)
+    read(path, "{}", said.append)
     assert len(said) == 1 and path.name in said[0] and "not to the last bit" in said[0]
     del state.memory["time_step"]["ratio"]
     with pytest.raises(StateError, match="it does not remember 'ratio'"):
@@ -156,7 +164,7 @@ def test_another_versions_checkpoint_is_told_and_refused_where_it_does_not_fit(s
 
 def test_a_lost_folder_is_a_clear_error(sim, tmp_path):
     with pytest.raises(OutputError, match="cannot write the checkpoint .*gone/run.checkpoint-.*: No such file"):
-        checkpoint.write(sim, tmp_path / "gone" / "run.h5", "{}", keep=1)
+        write(sim, tmp_path / "gone" / "run.h5", "{}", keep=1)
 
 
 def test_a_state_put_back_goes_on_to_the_last_bit(sim):
@@ -177,5 +185,5 @@ def test_a_state_put_back_goes_on_to_the_last_bit(sim):
 def test_what_cannot_take_its_place_is_swept_away(sim, tmp_path):
     checkpoint.path_of(tmp_path / "run.h5", sim.step_number).mkdir()
     with pytest.raises(OutputError, match="cannot write the checkpoint .*: Is a directory"):
-        checkpoint.write(sim, tmp_path / "run.h5", "{}", keep=1)
+        write(sim, tmp_path / "run.h5", "{}", keep=1)
     assert not list(tmp_path.glob("*.partial"))

@@ -8,8 +8,9 @@ import time
 
 import pytest
 
+from periporo.errors import OutputError
 from periporo.io.output.lock import Lock, Locked
-from periporo.io.output.vtkhdf import OutputError, ResultFile
+from periporo.io.output.vtkhdf import ResultFile
 
 HOLD = """
 import sys, time

@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from periporo.errors import OutputError
 from periporo.io.output import vtkhdf_layout
 from periporo.io.output.lock import Lock
 from periporo.io.output.results import open_results
 from periporo.io.output.vtkhdf import ResultFile
 from periporo.io.output.vtkhdf_layout import Cells, Index
-from periporo.io.output.writer import OutputError, ResultWriter
+from periporo.io.output.writer import ResultWriter
 
 FIELDS = {"stress": (4, "Pa"), "velocity": (2, "m/s"), "speed": (1, "m/s")}
 COUNTS = (300, 500, 250)  # points of the outputs
@@ -25,7 +26,8 @@ HEAD = """
 import sys
 import numpy as np
 from mpi4py import MPI
-from periporo.io.output.writer import OutputError, ResultWriter
+from periporo.errors import OutputError
+from periporo.io.output.writer import ResultWriter
 world = MPI.COMM_WORLD
 """
 MPIRUN = Path(sys.executable).with_name("mpirun")

@@ -7,7 +7,7 @@ from periporo.core.loads.boundary import Traction, displacement_history, velocit
 from periporo.core.scene.boundaries import build_boundary
 from periporo.errors import InputError
 from periporo.io.geometry.lattice import build_lattices
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 
 TOP = {"lower": [None, 0.06]}
 

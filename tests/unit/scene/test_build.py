@@ -6,7 +6,7 @@ import pytest
 from periporo.core.loads.boundary import Gravity, PrescribedMotion, ViscousDamping
 from periporo.core.motion.stages import DynamicsStage, RelaxStage
 from periporo.core.scene.build import SCHEMES, vertical_axis
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 
 
 @pytest.mark.parametrize("dimension, counts", [(2, (10, 8)), (3, (5, 4, 3))])

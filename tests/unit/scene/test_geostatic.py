@@ -5,7 +5,7 @@ import pytest
 
 from periporo.core.scene.geostatic import GeostaticStress
 from periporo.io.geometry.lattice import build_lattices
-from periporo.io.schema.scene import parse_scene
+from periporo.io.input.load import parse_scene
 
 SOIL = {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
 G, K0 = 9.81, 0.6

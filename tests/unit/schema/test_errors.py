@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 from periporo.errors import SCREEN_LINES, SCREEN_WIDTH, InputError, Problem, dotted, nearest
-from periporo.io.schema.scene import load_scene
+from periporo.io.input.load import load_scene
 
 BASE = """\
 dimension: 2

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from periporo.errors import SCREEN_LINES, SCREEN_WIDTH, InputError, dotted
+from periporo.io.input.load import load_scene
 from periporo.io.input.yaml_source import read_yaml
-from periporo.io.schema.scene import load_scene
 from periporo.materials.base import LARGEST
 from periporo.materials.elastic import Elastic
 

@@ -8,7 +8,8 @@ import pytest
 from pydantic import BaseModel, ConfigDict, Field
 
 from periporo.errors import InputError
-from periporo.io.schema.scene import SceneInput, load_scene, parse_scene, scene_json_schema
+from periporo.io.input.load import load_scene, parse_scene
+from periporo.io.schema.scene import SceneInput, scene_json_schema
 
 PLANE = Path(__file__).with_name("plane.yaml")
 SPACE = Path(__file__).with_name("space.yaml")

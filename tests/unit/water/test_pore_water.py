@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from periporo.core.motion.energy import WORK
+from periporo.core.points.forces import WORK
 from periporo.core.water.pore_water import RETENTION, RetentionCurve, RetentionTable, bonding_variable
 from periporo.errors import InputError
 from periporo.materials.cam_clay import bonding_exponents
