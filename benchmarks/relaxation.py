@@ -5,7 +5,7 @@
 The column of configs/column_collapse.yaml settles under its weight between rollers until the out-of-balance force
 is 1e-4 of the weight: as it is, from a geostatic stress, and as an elastic column that starts without stress.
 Viscous damping multiplies velocities by exp(-2 zeta omega dt), omega = pi c_p / (2 H) the first frequency of the
-column; kinetic damping stops all points when their kinetic energy has passed a peak (Cundall 1982).
+column; kinetic damping stops all points when their kinetic energy has passed a peak (Cundall 1976).
 """
 
 import importlib.resources

@@ -34,8 +34,10 @@ from periporo.io.input.yaml_source import parse_yaml
 from periporo.io.schema.scene import SceneInput
 
 ROOT = Path(__file__).parents[2]
+ROOMS = ("core", "io", "materials", "contact", "benchmarks", "tests")
 FIGURES = ROOT / "docs" / "figures"  # made by benchmarks
-PAGES = [ROOT / "README.md", *sorted(page for page in (ROOT / "docs").rglob("*.md") if FIGURES not in page.parents)]
+FRONT = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
+PAGES = [*FRONT, *sorted(page for page in (ROOT / "docs").rglob("*.md") if FIGURES not in page.parents)]
 FENCE = re.compile(
     r"(?:^ *<!-- file: (?P<file>\S+) -->\n)?^(?P<indent> *)```(?P<language>[\w{}-]*)\n(?P<text>.*?)^ *```$", re.M | re.S
 )
@@ -140,7 +142,7 @@ class Page:
             self.periporo(line, words[1:])
         elif words[0] == "sed":
             subprocess.run(line, shell=True, check=True, cwd=self.folder)
-        elif words[0] == "pip" and "-e" in words:
+        elif words[0] == "pip" and words[-2:] == ["-e", "."]:  # a package that the page has made
             self.install(self.folder)
         else:
             check(words)
@@ -173,7 +175,7 @@ SCENE = {
 def check(words):
     """A command that is not carried out: what it names must exist."""
     first = Path(words[0]).name
-    if first in ("source", "module", "export", "sbatch", "sphinx-build"):
+    if first in ("source", "module", "export", "sbatch", "sphinx-build", "pre-commit"):
         return
     assert first in CHECKS, f"an unknown command: {' '.join(words)}; say what to do with it here"
     CHECKS[first](words)
@@ -276,6 +278,7 @@ def test_files_that_a_page_names_exist(page):
     """Paths of the source in code marks, and targets of links."""
     text = FENCE.sub("", page.read_text())
     for path in re.findall(r"`((?:core|io|materials|contact|benchmarks|tests|configs|docs)/[\w/.-]+)`", text):
+        path = path.partition("NAME")[0]  # of a file that the reader is to make
         assert (ROOT / path).exists() or list(ROOT.glob(f"{path}*")), f"{path} does not exist"
     for target in re.findall(r"\]\(([^)#\s]+)", text):
         assert (page.parent / target).exists(), f"the link to {target} leads nowhere"
@@ -299,9 +302,28 @@ def test_pages_can_be_read(page):
 
 def test_every_page_is_in_the_table_of_contents():
     text = (ROOT / "docs" / "index.md").read_text()
-    for page in PAGES[1:]:
+    for page in PAGES[len(FRONT) :]:
         name = str(page.relative_to(ROOT / "docs").with_suffix(""))
         assert name == "index" or re.search(rf"^{re.escape(name)}$", text, re.M), f"docs/index.md lacks {name}"
+
+
+def test_every_source_is_in_the_bibliography():
+    """Whoever is cited in a document, a docstring or an example, as `A & B 2000` or `A et al. (2000)`."""
+    entries = re.findall(r"^- \*\*(.+?)\.\*\*", (ROOT / "docs" / "reference" / "bibliography.md").read_text(), re.M)
+    cited = re.compile(r"\b([A-Z][a-z]{2,})(?: et al\.| & [A-Z]\w+)?,? \(?((?:1[89]|20)\d\d)\b(?!-)")
+    sources = [f for room in ROOMS for f in (ROOT / room).rglob("*.py")] + list((ROOT / "configs").rglob("*.yaml"))
+    found = {}
+    for source in [*PAGES, *sources]:
+        text = re.sub(r"\n[\s#]*", " ", source.read_text())
+        found |= {citation: source for citation in cited.findall(text)}
+    missing = {c: str(s) for c, s in found.items() if not any(set(c) <= set(re.findall(r"\w+", e)) for e in entries)}
+    assert len(found) > 20 and not missing
+
+
+def test_the_version_is_the_same_everywhere():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"] == version
+    assert re.search(rf"^## (Unreleased: )?{re.escape(version)}$", (ROOT / "CHANGELOG.md").read_text(), re.M)
 
 
 def test_every_name_of_a_result_is_explained():
