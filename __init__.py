@@ -1,22 +1,23 @@
-"""periporo: extreme deformation of soils by updated-Lagrangian periporomechanics."""
+"""periporo: extreme deformation of soils by updated-Lagrangian periporomechanics.
 
-from importlib import import_module
+Importing it costs nothing: what it offers is loaded when it is asked for.
+"""
 
-_OFFERED = {
-    "Simulation": "periporo.core.scene.source",
-    "run": "periporo.core.run",
-    "open_results": "periporo.io.output.results",
-    "InputError": "periporo.errors",
-}
+from typing import TYPE_CHECKING
+
+from periporo.lazy import offer
+
+if TYPE_CHECKING:
+    from periporo.core.run import run
+    from periporo.core.scene.source import Simulation
+    from periporo.errors import InputError
+    from periporo.io.output.results import open_results
+else:
+    __getattr__, __dir__ = offer(__name__, {
+        "periporo.core.run": ("run",),
+        "periporo.core.scene.source": ("Simulation",),
+        "periporo.errors": ("InputError",),
+        "periporo.io.output.results": ("open_results",),
+    })  # fmt: skip
+
 __all__ = ["InputError", "Simulation", "open_results", "run"]
-
-
-def __getattr__(name):
-    """Load what the package offers only when it is asked for: importing periporo itself costs nothing."""
-    if name not in _OFFERED:
-        raise AttributeError(f"module 'periporo' has no attribute '{name}'")
-    return getattr(import_module(_OFFERED[name]), name)
-
-
-def __dir__():
-    return sorted({*globals(), *__all__})

@@ -38,7 +38,9 @@ def _law_problems(path: Path, parameters: dict[str, Any]) -> list[Problem]:
         )
         return [Problem((*path, "model"), message)]
     except ImportError as error:
-        return [Problem((*path, "model"), f"the material model '{model}' cannot be imported: {error}")]
+        moved = (error.name or "").startswith("periporo.")
+        hint = "; what a law needs of periporo is in periporo.materials" if moved else ""
+        return [Problem((*path, "model"), f"the material model '{model}' cannot be imported: {error}{hint}")]
     if isinstance(law, type) and issubclass(law, BaseModel):
         return [Problem((*path, *p.path), p.message) for p in model_problems(law, parameters)]
     try:

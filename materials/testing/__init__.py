@@ -1,6 +1,6 @@
-"""Conformance kit: does a constitutive law keep the contract of `periporo.core.points.material`?
+"""Conformance kit: does a constitutive law keep the contract of `periporo.materials.Material`?
 
-from periporo.materials.testing import check_material
+from periporo.materials import check_material
 check_material(MyLaw(...), dimension=2)
 check_material(MyLaw(...), dimension=3)
 """

@@ -20,7 +20,7 @@ def check_declaration(material: Material) -> None:
     law = type(material).__name__
     for name in ("initial_state", "compute_stress", "elastic_moduli"):
         if not callable(getattr(material, name, None)):
-            raise DeclarationError(f"{law} has no method `{name}`; see periporo.core.points.material")
+            raise DeclarationError(f"{law} has no method `{name}`; see periporo.materials.Material")
     density = getattr(material, "density", None)
     if not isinstance(density, (int, float)) or not 0 < density < np.inf:
         raise DeclarationError(f"{law}.density must be a positive number in kg/m^3, not {density!r}")

@@ -19,10 +19,7 @@ import sys
 
 import numpy as np
 
-from periporo.materials import registry
-from periporo.materials.laboratory.drive import drive
-from periporo.materials.laboratory.paths import built_in_path
-from periporo.materials.testing import check_material
+from periporo.materials import built_in_path, check_material, drive, registry
 
 found = {}
 laws = {name: registry.load(name).example() for name in ("mohr_coulomb", "mohr_coulomb_numba")}

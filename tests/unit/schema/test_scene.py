@@ -1,6 +1,8 @@
 """Valid scenes: what is accepted, defaults, round trip through JSON, JSON Schema."""
 
+import importlib
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -166,13 +168,14 @@ def test_a_pydantic_law_without_json_schema_is_validated_as_well(monkeypatch):
     assert "greater than 0" in bound.message
 
 
-def test_a_law_that_cannot_be_imported_is_a_clear_error(monkeypatch):
-    def load(name):
-        raise ImportError("no module named 'gone'")
-
-    monkeypatch.setattr("periporo.materials.registry.load", load)
-    with pytest.raises(InputError, match="cannot be imported: no module named 'gone'"):
+@pytest.mark.parametrize(
+    "module, hint", [("gone", "$"), ("periporo.core.gone", r"; what a law needs of periporo is in periporo.materials$")]
+)
+def test_a_law_that_cannot_be_imported_is_a_clear_error(monkeypatch, module, hint):
+    monkeypatch.setattr("periporo.materials.registry.load", lambda name: importlib.import_module(module))
+    with pytest.raises(InputError) as caught:
         parse_scene(minimal())
+    assert re.search(f"cannot be imported: No module named '{module}'{hint}", caught.value.problems[0].message)
 
 
 def test_json_schema_describes_every_key():

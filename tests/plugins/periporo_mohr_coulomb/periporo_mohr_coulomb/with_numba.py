@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from periporo.core.numerics.jit import kernel
-from periporo.core.numerics.tensors import INDEX_PAIRS
+from periporo.materials import INDEX_PAIRS, kernel
 from periporo_mohr_coulomb.with_numpy import MohrCoulomb
 
 _A, _B = (np.array(c) for c in zip(*INDEX_PAIRS, strict=True))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from periporo.core.numerics.tensors import from_matrix, to_matrix
+from periporo.materials import from_matrix, to_matrix
 
 
 @dataclass(frozen=True)
