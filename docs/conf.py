@@ -12,4 +12,5 @@ html_static_path = ["_static"]
 html_css_files = ["wide.css"]
 html_title = f"periporo {release}"
 html_show_copyright = False
+myst_enable_extensions = ["dollarmath"]  # equations; the reader's browser loads MathJax
 myst_heading_anchors = 4  # headings can be linked to
