@@ -10,10 +10,10 @@ import operator
 from llvmlite import ir
 from numba import types
 from numba.core.datamodel import models
-from numba.core.errors import LoweringError
 from numba.extending import intrinsic, overload, register_model
 
 from periporo.core.numerics.jit import inlined
+from periporo.core.numerics.registers import added, at, filled, load, picked, register, store
 
 WIDTH = 8
 """Numbers kept for each pair: 1, the components of xi, those of dv, and padding."""
@@ -21,7 +21,6 @@ WIDTH = 8
 # Factors of the products xi_a xi_b, in the order of a shape tensor.
 _SHAPE = {2: ([0, 1, 0], [0, 1, 1]), 3: ([0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2])}
 _ORDER = {4: 2, 9: 3}  # of a matrix with so many numbers
-_ANY = None  # place: whatever is quickest
 
 
 class Vector(types.Type):
@@ -35,7 +34,7 @@ class Vector(types.Type):
 @register_model(Vector)
 class _VectorModel(models.PrimitiveModel):
     def __init__(self, manager, kind):
-        super().__init__(manager, kind, _machine(kind.size))
+        super().__init__(manager, kind, register(kind.size))
 
 
 @intrinsic
@@ -45,7 +44,7 @@ def row(typingctx, rows, i, like):
 
     def code(context, builder, signature, arguments):
         place = builder.mul(arguments[1], arguments[1].type(size))
-        return _load(builder, _at(context, builder, signature, arguments, place), size)
+        return load(builder, at(context, builder, signature, arguments, place), size)
 
     return Vector(size)(rows, types.intp, like), code
 
@@ -56,7 +55,7 @@ def put(typingctx, rows, i, value):
 
     def code(context, builder, signature, arguments):
         place = builder.mul(arguments[1], arguments[1].type(value.size))
-        _store(builder, arguments[2], _at(context, builder, signature, arguments, place), value.size)
+        store(builder, arguments[2], at(context, builder, signature, arguments, place), value.size)
         return context.get_dummy_value()
 
     return types.void(rows, types.intp, value), code
@@ -67,7 +66,7 @@ def put_at(typingctx, numbers, place, value):
     """Write to the places `place`, `place` + 1, ... of a flat array."""
 
     def code(context, builder, signature, arguments):
-        _store(builder, arguments[2], _at(context, builder, signature, arguments, arguments[1]), value.size)
+        store(builder, arguments[2], at(context, builder, signature, arguments, arguments[1]), value.size)
         return context.get_dummy_value()
 
     return types.void(numbers, types.intp, value), code
@@ -78,7 +77,7 @@ def zero(typingctx, like):
     """As many zeros as `like`, a tuple, has numbers."""
 
     def code(context, builder, signature, arguments):
-        kind = _machine(len(like))
+        kind = register(len(like))
         return ir.Constant(kind, [0.0] * kind.count)
 
     return Vector(len(like))(like), code
@@ -99,8 +98,8 @@ def moments(typingctx, pairs, k, dim):
 
     def code(context, builder, signature, arguments):
         place = builder.mul(arguments[1], arguments[1].type(WIDTH))
-        pair = _load(builder, _at(context, builder, signature, arguments, place), WIDTH)
-        return builder.fmul(_picked(builder, pair, left), _picked(builder, pair, right))
+        pair = load(builder, at(context, builder, signature, arguments, place), WIDTH)
+        return builder.fmul(picked(builder, pair, left), picked(builder, pair, right))
 
     return Vector(len(left))(pairs, types.intp, dim), code
 
@@ -149,7 +148,7 @@ def square(typingctx, x):
     """x (x) x as a symmetric d x d matrix (3|6)."""
 
     def code(context, builder, signature, arguments):
-        return builder.fmul(*(_picked(builder, arguments[0], _filled(places)) for places in _SHAPE[x.size]))
+        return builder.fmul(*(picked(builder, arguments[0], filled(places)) for places in _SHAPE[x.size]))
 
     return Vector(len(_SHAPE[x.size][0]))(x), code
 
@@ -158,7 +157,7 @@ def square(typingctx, x):
 def trace(typingctx, a):
     """Trace of a matrix."""
     diagonal = range(0, a.size, _ORDER[a.size] + 1)
-    return types.float64(a), lambda context, builder, signature, arguments: _added(builder, arguments[0], diagonal)
+    return types.float64(a), lambda context, builder, signature, arguments: added(builder, arguments[0], diagonal)
 
 
 @intrinsic
@@ -167,7 +166,7 @@ def full(typingctx, s):
     places = {4: [0, 3, 3, 1], 6: [0, 3, 5, 3, 1, 4, 5, 4, 2]}[s.size]
 
     def code(context, builder, signature, arguments):
-        return _picked(builder, arguments[0], _filled(places))
+        return picked(builder, arguments[0], filled(places))
 
     return Vector(len(places))(s), code
 
@@ -187,7 +186,7 @@ _sum, _less, _product = _elementwise("fadd"), _elementwise("fsub"), _elementwise
 def _multiple(typingctx, a, number):
     def code(context, builder, signature, arguments):
         one = builder.insert_element(ir.Constant(arguments[0].type, ir.Undefined), arguments[1], ir.IntType(32)(0))
-        return builder.fmul(arguments[0], _picked(builder, one, [0] * one.type.count))
+        return builder.fmul(arguments[0], picked(builder, one, [0] * one.type.count))
 
     return a(a, types.float64), code
 
@@ -213,7 +212,7 @@ def _multiply(a, b):
 
 @intrinsic
 def _total(typingctx, a):
-    return types.float64(a), lambda context, builder, signature, arguments: _added(builder, arguments[0], range(a.size))
+    return types.float64(a), lambda context, builder, signature, arguments: added(builder, arguments[0], range(a.size))
 
 
 @intrinsic
@@ -222,7 +221,7 @@ def _row_sums(typingctx, a):
     d = _ORDER[a.size]
 
     def code(context, builder, signature, arguments):
-        columns = [_picked(builder, arguments[0], _filled(range(k, a.size, d))) for k in range(d)]
+        columns = [picked(builder, arguments[0], filled(range(k, a.size, d))) for k in range(d)]
         total = columns[0]
         for column in columns[1:]:
             total = builder.fadd(total, column)
@@ -236,7 +235,7 @@ def _repeated(typingctx, x):
     """A matrix with the rows x."""
 
     def code(context, builder, signature, arguments):
-        return _picked(builder, arguments[0], _filled([*range(x.size)] * x.size))
+        return picked(builder, arguments[0], filled([*range(x.size)] * x.size))
 
     return Vector(x.size**2)(x), code
 
@@ -246,69 +245,6 @@ def _stretched(typingctx, x):
     """A matrix with the columns x."""
 
     def code(context, builder, signature, arguments):
-        return _picked(builder, arguments[0], _filled(k for k in range(x.size) for _ in range(x.size)))
+        return picked(builder, arguments[0], filled(k for k in range(x.size) for _ in range(x.size)))
 
     return Vector(x.size**2)(x), code
-
-
-def _machine(size):
-    """A register: a power of two, since the compiler takes others apart; what is beyond `size` is undefined."""
-    return ir.VectorType(ir.DoubleType(), 1 << (size - 1).bit_length())
-
-
-def _at(context, builder, signature, arguments, place):
-    """Pointer to a place of the array that is the first argument."""
-    if signature.args[0].layout != "C":
-        raise LoweringError(f"rows of a vector must follow each other in memory, not those of {signature.args[0]}")
-    return builder.gep(context.make_array(signature.args[0])(context, builder, arguments[0]).data, [place])
-
-
-def _parts(builder, pointer, size):
-    """The powers of two that make up `size`, largest first: where each begins, how many it is, and a pointer to it."""
-    begin = 0
-    while begin < size:
-        count = 1 << (size - begin).bit_length() - 1
-        place = builder.gep(pointer, [ir.IntType(64)(begin)])
-        yield begin, count, builder.bitcast(place, ir.VectorType(ir.DoubleType(), count).as_pointer())
-        begin += count
-
-
-def _load(builder, pointer, size):
-    """The vector of `size` numbers from `pointer` on, and nothing beyond."""
-    width, whole = _machine(size).count, None
-    for begin, count, place in _parts(builder, pointer, size):
-        part = _picked(builder, builder.load(place, align=8), [*range(count)] + [_ANY] * (width - count))
-        joined = [*range(begin), *range(width, width + count)] + [width + count] * (width - begin - count)
-        whole = part if whole is None else builder.shuffle_vector(whole, part, _mask(joined))
-    return whole
-
-
-def _store(builder, vector, pointer, size):
-    """Write the vector's `size` numbers from `pointer` on, and nothing beyond."""
-    for begin, count, place in _parts(builder, pointer, size):
-        builder.store(_picked(builder, vector, range(begin, begin + count)), place, align=8)
-
-
-def _added(builder, vector, places):
-    """Sum of the elements of a vector in the given places."""
-    first, *others = [builder.extract_element(vector, ir.IntType(32)(k)) for k in places]
-    for other in others:
-        first = builder.fadd(first, other)
-    return first
-
-
-def _picked(builder, vector, places):
-    """The elements of a vector in the given places."""
-    beyond = vector.type.count  # in the other vector, which is undefined
-    places = [beyond if k is _ANY else k for k in places]
-    return builder.shuffle_vector(vector, ir.Constant(vector.type, ir.Undefined), _mask(places))
-
-
-def _mask(places):
-    return ir.Constant(ir.VectorType(ir.IntType(32), len(places)), list(places))
-
-
-def _filled(places):
-    """As many places as a register has; what is beyond the given ones does not matter."""
-    places = list(places)
-    return places + [_ANY] * (_machine(len(places)).count - len(places))
