@@ -108,6 +108,7 @@ def _simulate(arguments) -> int:
     _refuse_foreign_launcher()
     from mpi4py import MPI
 
+    from periporo.core.bonds.bonds import RefusedStep
     from periporo.core.motion.relaxation import RelaxationError
     from periporo.core.run import run
     from periporo.core.scene.check import check_scene
@@ -123,11 +124,11 @@ def _simulate(arguments) -> int:
             walltime=arguments.walltime, pictures=not arguments.no_plot, quiet=arguments.quiet,
         )  # fmt: skip
         return 0
-    except (InputError, OutputError, RelaxationError, WatchdogError) as error:  # the same on all ranks
+    except (InputError, OutputError, RelaxationError, RefusedStep, WatchdogError) as error:  # the same on all ranks
         if comm.rank == 0:
             print(f"periporo: {error}", file=sys.stderr, flush=True)
         comm.Barrier()
-        return RUN_ERROR if isinstance(error, RelaxationError | WatchdogError) else INPUT_ERROR
+        return INPUT_ERROR if isinstance(error, InputError | OutputError) else RUN_ERROR
     except KeyboardInterrupt:
         return _give_up(comm, "interrupted while the scene was made; nothing to resume", INTERRUPTED)
     except Exception:  # in a plugin, or a fault of the program

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 from mpi4py import MPI
 
-from periporo.core.bonds.bonds import Bonds
+from periporo.core.bonds.bonds import Bonds, RefusedStep
 from periporo.core.motion.energy import Ledger
 from periporo.core.motion.integrator import drift, first_kick, second_kick
 from periporo.core.points.forces import ForceChannels
@@ -60,6 +60,7 @@ class Simulation:
         self.rebuilt_at = 0  # step
         self._carry = 0.0  # of the compensated sum of time steps
         self._moved = 0.0
+        self._refusals = []  # of the last step, on this rank
 
     @classmethod
     def from_scene(cls, scene, comm=None) -> "Simulation":
@@ -125,8 +126,20 @@ class Simulation:
         self.domain = decomposition.bisect(self.comm, p.position[: p.owned], weight)
 
     def neighbours_are_stale(self) -> bool:
-        """Whether a point somewhere has moved half of the skin since the neighbours were found."""
-        return not maximum(self.comm, self._moved) <= 0.5 * self.skin
+        """Whether a point somewhere has moved half of the skin since the neighbours were found.
+
+        Or whether a law refused the last step, for then there is no telling where points are.
+        """
+        return not maximum(self.comm, np.inf if self._refusals else self._moved) <= 0.5 * self.skin
+
+    def confirm(self) -> None:
+        """Raise RefusedStep, on all ranks alike, if a law refused the last step; collective."""
+        refusals, self._refusals = self._refusals, []
+        texts = self.comm.allgather([f"{r.law}: {r.reason}" for r in refusals])
+        reasons = list(dict.fromkeys(text for of_rank in texts for text in of_rank))
+        if reasons:
+            points = np.unique(np.concatenate([np.empty(0, np.int64), *(r.points for r in refusals)]))
+            raise RefusedStep(f"step {self.step_number}: refused by {'; '.join(reasons)}", reasons[0], points)
 
     def evaluate_forces(self) -> None:
         """Strain, stress and forces of the present configuration, reached in `dt` with the present velocity."""
@@ -137,7 +150,8 @@ class Simulation:
         self.scheme.deform(p, b, self.halo, dt, material_dt)
         timing.lap("strain")
         for block in b.blocks:
-            block.material.compute_stress(block.stress, block.strain_increment, block.state, material_dt)
+            block.advance(material_dt)
+        self._refusals = self.bonds.refusals()
         timing.lap("material")
         for process in self.point_processes:
             process.update(p, b, dt)
@@ -174,6 +188,7 @@ class Simulation:
         self._moved = drift(p, forces, dt)  # x at t + dt
         timing.lap("integration")
         if self.neighbours_are_stale():
+            self.confirm()
             self.rebuild()
         timing.lap("rebuild")
         self.evaluate_forces()
@@ -203,6 +218,7 @@ class Simulation:
         self.rebuild()
         self.dt, self.rate_independent = 0.0, True
         self.evaluate_forces()
+        self.confirm()
         for prepare in self.preparations:
             prepare(self)
         self.rate_independent = False
@@ -227,3 +243,4 @@ class Simulation:
         """Set the clocks and counters back."""
         for name in _REMEMBERED:
             setattr(self, name, memory[name])
+        self._refusals = []

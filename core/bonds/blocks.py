@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from periporo.core.numerics.jit import kernel
-from periporo.core.points.material import Material, state_columns
+from periporo.core.points.material import Material, StepRefused, state_columns
 from periporo.core.points.neighbours import Pairs
 from periporo.core.points.particles import Particles
 from periporo.core.ranks.halo import pack
@@ -65,6 +65,7 @@ class Block(Rows):
         self.total: np.ndarray | None = None  # stress with that of pore water, if there is any
         self.held_moduli = None  # what `elastic_moduli` answers while stress and state are only a trial
         self.strain_increment = np.empty((0, components))
+        self.refused: tuple[np.ndarray, str] | None = None  # rows that refuse the step, and the reason
         # of the strains in a step since `forget_peak`: square of the largest, and its row; its ids after a rebuild
         self.peak, self.peak_ids = np.array([0.0, -1.0]), np.full(2, -1)
 
@@ -81,6 +82,18 @@ class Block(Rows):
     def keeps_all(self) -> bool:
         """Whether all of the trial stress is kept: by an elastic law, or while the moduli are held."""
         return self.held_moduli is not None or getattr(self.material, "conservative", False)
+
+    def advance(self, dt: float) -> None:
+        """Let the law take a step of `dt` s in all rows; those that it refuses are remembered."""
+        self.take(self.stress, self.strain_increment, self.state, dt)
+
+    def take(self, stress, strain_increment, state, dt: float, rows=None) -> None:
+        """Let the law take a step in arrays that stand for the `rows` of this block, or for all of them."""
+        try:
+            self.material.compute_stress(stress, strain_increment, state, dt)
+        except StepRefused as refusal:
+            if self.refused is None:  # the first reason is the one that counts
+                self.refused = refusal.rows if rows is None else rows[refusal.rows], refusal.reason
 
     def elastic_moduli(self) -> tuple[np.ndarray, np.ndarray]:
         """Bulk and shear modulus of the rows, two (n,) arrays in Pa."""

@@ -1,5 +1,7 @@
 """Bonds: the rows on which materials live, with the state they carry through neighbour rebuilds."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from periporo.core.bonds.blocks import Block, Carried, Rows
@@ -9,6 +11,24 @@ from periporo.core.points.material import Material
 from periporo.core.points.neighbours import Pairs
 from periporo.core.points.particles import Field, Particles
 from periporo.core.ranks.halo import exchange_rows
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A law that refused a step, why, and the ids of the points whose rows these are."""
+
+    law: str
+    reason: str
+    points: np.ndarray
+
+
+class RefusedStep(RuntimeError):
+    """A law could not follow a step; raised on all ranks alike. `points` are the ids of this rank's offenders."""
+
+    def __init__(self, message: str, reason: str, points: np.ndarray):
+        super().__init__(f"{message}. The time step is too long for it, or the law fails in this state")
+        self.reason = reason
+        self.points = points
 
 
 class Bonds:
@@ -97,6 +117,16 @@ class Bonds:
         ids, place = self.layout.keys(block, self.pairs)
         return ids[place[int(block.peak[1])]]
 
+    def refusals(self) -> list[Refusal]:
+        """What laws refused since this was last asked, of this rank."""
+        found = []
+        for block in self.blocks:
+            if block.refused is not None:
+                (rows, reason), block.refused = block.refused, None
+                ids, place = self.layout.keys(block, self.pairs)
+                found.append(Refusal(type(block.material).__name__, reason, np.unique(ids[place[rows]])))
+        return found
+
     def average(self, particles: Particles, points: np.ndarray) -> None:
         """Average stress and state of the active rows of each owned point in `points` (rows), per block.
 
@@ -157,7 +187,7 @@ class Bonds:
             volume = 0.5 * (particles.volume[ends[0][alone]] + particles.volume[ends[1][alone]])
             ids, place = self.layout.keys(block, self.pairs)
             state[alone] = block.material.initial_state(stress[alone], ids[place[rows[alone]]], volume)
-        block.material.compute_stress(stress, np.zeros_like(stress), state, dt)
+        block.take(stress, np.zeros_like(stress), state, dt, rows)
         block.stress[rows], block.state[rows] = stress, state
 
     def _ends(self, block, rows):

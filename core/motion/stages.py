@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from periporo.core.bonds.bonds import RefusedStep
 from periporo.core.motion.relaxation import Relaxation
 
 _REMEMBERED = ("end_time", "first_step", "initial_residual", "_peak")
@@ -30,13 +31,27 @@ class Stage:
             self._begin(sim)
         for guard in sim.guards:
             guard.start_stage(sim, self)
-        while not self._is_over(sim):
-            sim.step()
-            for guard in sim.guards:
-                guard.check(sim)
+        while not self._advance(sim):
+            pass
         summary = self._finish(sim)
         for observer in sim.observers:
             observer.finish_stage(sim, self, summary)
+
+    def _advance(self, sim) -> bool:
+        """A step under the eyes of the guards, who may take it back if a law refuses it; True if there are no more."""
+        try:
+            if self._is_over(sim):
+                sim.confirm()
+                return True
+            sim.step()
+            for guard in sim.guards:
+                guard.check(sim)
+        except RefusedStep as refusal:
+            if not sim.guards:
+                raise
+            for guard in sim.guards:
+                guard.refused(sim, refusal)
+        return False
 
     def _set_out(self, sim) -> None:
         """Before the observers are told."""

@@ -35,6 +35,20 @@ BONDING = StateField("bonding", "1")
 """State column of a law whose grains water bonds: the bonding variable xi, which the pore water writes."""
 
 
+class StepRefused(Exception):
+    """Raised by `compute_stress`: the law cannot follow this step in the `rows` (indices into the call's rows).
+
+    The program takes the step back, restores stress and state of all rows, and tries again with half the time step;
+    after some tries it ends the run with the place and the `reason`. Arrays may be left in any state. Rows without
+    strain increment must not be refused.
+    """
+
+    def __init__(self, rows, reason: str = "it cannot follow the strain of the step"):
+        self.rows = np.atleast_1d(np.asarray(rows, dtype=np.int64))
+        self.reason = reason
+        super().__init__(f"{len(self.rows)} rows refuse the step: {reason}")
+
+
 @runtime_checkable
 class Material(Protocol):
     """A constitutive law; see `docs/how-to/own_material.md` for how to write one."""
@@ -65,6 +79,8 @@ class Material(Protocol):
         becomes of them does not count, but it must be finite. A row that has just come into being, with the mean
         stress and state of its two points, is passed once with a strain increment of 0: make its stress and state
         consistent then.
+
+        Raises StepRefused where the law cannot follow the step.
         """
 
     def elastic_moduli(self, stress: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

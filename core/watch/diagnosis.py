@@ -29,6 +29,11 @@ _KINDS = {  # kind -> what was seen, and the likely cause
         "the time step is too long (lower time_step.safety, or leave out time_step.fixed), or bodies overlap at the "
         "start",
     ),
+    "refused": (
+        "refuses the step ({reason})",
+        "the strain of a step is more than the law can follow: lower time_step.safety, or look for what pushes so hard "
+        "in the file",
+    ),
     "energy": (
         "has the largest part in an energy error of {size:.3g} of the work done",
         "the time step is too long (lower time_step.safety, or leave out time_step.fixed); raise "
@@ -49,13 +54,14 @@ class Fault:
     position: tuple[float, ...]
     material: str
     offenders: np.ndarray  # ids of this rank's
+    reason: str = ""  # of a law that refuses a step
 
     def __str__(self) -> str:
         seen, cause = _KINDS[self.kind]
         place = ", ".join(f"{x:.6g}" for x in self.position)
         return (
             f"t = {self.time:.6g} s, step {self.step}: point {self.point} at ({place}) m, material "
-            f"'{self.material}', {seen.format(size=self.size)}. Likely cause: {cause}"
+            f"'{self.material}', {seen.format(size=self.size, reason=self.reason)}. Likely cause: {cause}"
         )
 
 

@@ -80,6 +80,9 @@ class Keeper:
     def start_stage(self, sim, stage) -> None:
         """Nothing to do."""
 
+    def refused(self, sim, refusal) -> None:
+        """Nothing to do."""
+
     def check(self, sim) -> None:
         """After a step: write a checkpoint if it is time, and raise Interrupted if it is time to stop."""
         if sim.step_number % CHECK_INTERVAL != 0:

@@ -1,11 +1,13 @@
 """Watches a run: a state that cannot be right is taken back and tried again with half the step, or reported.
 
 Every few steps all ranks look for NaN, for points faster than the waves of their material, for bonds whose strain jumps
-within a step, and for energy that comes from nowhere. Every few hundred steps the state is kept in memory. After a
-failure the run goes on from there with half the time step, and looks at every step, until the next state is kept; if
-it fails again the step is halved again, at most `MOST_RETRIES` times. All of this depends on the state alone, hence not
-on the number of ranks.
+within a step, and for energy that comes from nowhere; a step that a law refuses is known in the next one. Every few
+hundred steps the state is kept in memory. After a failure the run goes on from there with half the time step, and looks
+at every step, until the next state is kept; if it fails again the step is halved again, at most `MOST_RETRIES` times.
+All of this depends on the state alone, hence not on the number of ranks.
 """
+
+from dataclasses import replace
 
 import numpy as np
 from mpi4py import MPI
@@ -64,6 +66,7 @@ class Watchdog:
         careful = self._failures > 0
         if sim.step_number % CHECK_INTERVAL != 0 and not careful:
             return
+        sim.confirm()
         fault = self._fault(sim)
         _forget_peaks(sim)
         if fault is not None:
@@ -72,6 +75,11 @@ class Watchdog:
             if careful:
                 self._relent(sim)
             self._keep(sim)
+
+    def refused(self, sim, refusal) -> None:
+        """Take back a step that a law refuses. Raises WatchdogError if that was tried often enough."""
+        offends = 2.0 * np.isin(sim.particles.id[: sim.particles.owned], refusal.points)
+        self._take_back(sim, replace(self._describe(sim, "refused", offends), reason=refusal.reason))
 
     def _relent(self, sim):
         """Back to the step before the failure; not after an energy error, which would only come back."""

@@ -3,12 +3,13 @@
 import numpy as np
 
 from periporo.core.numerics.tensors import from_matrix, to_matrix
-from periporo.core.points.material import Material
+from periporo.core.points.material import Material, StepRefused
 
 _WANTED = 1e-11  # error of a prescribed stress, of the largest stress or of 1e-6 K
 _ACCEPTED = 1e-7  # the same, where a law's own tolerance stops Newton's method before
 _RANK = 1e-6  # singular values of a tangent that are smaller, relative to the largest, are noise
 _MAX_ITERATIONS = 40
+_MOST_HALVINGS = 10  # of a strain increment that the law refuses
 _LINE_SEARCH = 0.5 ** np.arange(8)
 
 
@@ -29,10 +30,22 @@ class MaterialPoint:
         self.state = material.initial_state(self.stress, np.zeros((1, 2), dtype=np.int64), np.ones(1))
         self.strain = np.zeros(6)
 
-    def strain_by(self, increment: np.ndarray, dt: float) -> None:
-        """Advance by a strain increment (6,) over `dt` s, without rotation."""
-        self.material.compute_stress(self.stress, increment.reshape(1, 6), self.state, dt)
-        self.strain += increment
+    def strain_by(self, increment: np.ndarray, dt: float, halvings: int = _MOST_HALVINGS) -> None:
+        """Advance by a strain increment (6,) over `dt` s, without rotation; in halves where the law refuses that.
+
+        Raises StepRefused, with the point as it was at the last accepted part, if the law refuses small ones, too.
+        """
+        stress, state = self.stress.copy(), self.state.copy()
+        try:
+            self.material.compute_stress(self.stress, increment.reshape(1, 6).copy(), self.state, dt)
+        except StepRefused:
+            self.stress[:], self.state[:] = stress, state
+            if halvings == 0:
+                raise
+            for _ in range(2):
+                self.strain_by(0.5 * increment, 0.5 * dt, halvings - 1)
+        else:
+            self.strain += increment
 
     def deform(self, start: np.ndarray, end: np.ndarray, dt: float, substeps: int = 1) -> None:
         """Advance from the deformation gradient `start` to `end` (3, 3) over `dt` s.
@@ -92,7 +105,12 @@ class MaterialPoint:
         """Stress error (m, u) in Pa after each of the increments (m, 6), the point left alone."""
         stress = np.tile(self.stress, (len(increments), 1))
         state = np.tile(self.state, (len(increments), 1))
-        self.material.compute_stress(stress, increments.copy(), state, dt)
+        try:
+            self.material.compute_stress(stress, increments.copy(), state, dt)
+        except StepRefused:
+            if len(increments) == 1:
+                return np.full((1, len(unknown)), np.inf)
+            return np.concatenate([self._residuals(i[None], unknown, target, dt) for i in increments])
         return stress[:, unknown] - target[unknown]
 
     def _best(self, increments, unknown, target, dt):

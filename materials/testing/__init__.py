@@ -19,6 +19,7 @@ from periporo.materials.testing.breaches import (
     ModuliError,
     NonConformance,
     NonFiniteError,
+    RefusalError,
     ShapeError,
     SplitError,
     ZeroIncrementError,
@@ -26,8 +27,8 @@ from periporo.materials.testing.breaches import (
 from periporo.materials.testing.rows import Rows
 
 __all__ = [
-    "CycleEnergyError", "DeclarationError", "FrameError", "ModuliError", "NonConformance", "NonFiniteError", "Report",
-    "ShapeError", "SplitError", "ZeroIncrementError", "check_material",
+    "CycleEnergyError", "DeclarationError", "FrameError", "ModuliError", "NonConformance", "NonFiniteError",
+    "RefusalError", "Report", "ShapeError", "SplitError", "ZeroIncrementError", "check_material",
 ]  # fmt: skip
 
 

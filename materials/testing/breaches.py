@@ -25,6 +25,10 @@ class FrameError(NonConformance):
     """The response depends on the orientation of the axes, or takes components for each other."""
 
 
+class RefusalError(NonConformance):
+    """A step is refused that must not be, or again and again."""
+
+
 class SplitError(NonConformance):
     """The result of a row depends on the other rows in the call."""
 

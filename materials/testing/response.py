@@ -28,7 +28,7 @@ def check_walk(rows: Rows):
 def check_frame(rows: Rows, stress, state) -> None:
     """Turning stress, tensor state and strain increment turns the result."""
     turn = _random_rotation(rows.rng, in_plane=rows.components == 4)
-    increment = rows.increments()
+    increment = rows.accepted(stress, state, 1e-5)
 
     def turned(tensors):
         return from_matrix(turn @ to_matrix(tensors) @ turn.T, rows.components)

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from periporo.core.points.material import Material, state_columns
-from periporo.materials.testing.breaches import ModuliError, NonFiniteError, ShapeError
+from periporo.core.points.material import Material, StepRefused, state_columns
+from periporo.materials.testing.breaches import ModuliError, NonFiniteError, RefusalError, ShapeError
 
 ROWS = 24
+_MOST_HALVINGS = 6  # of a step of up to 1 % strain
 
 
 class Rows:
@@ -46,16 +47,50 @@ class Rows:
                 )
         return moduli
 
-    def after(self, stress, increment, state, dt):
-        """Stress and state after one call."""
-        stress, state = stress.copy(), state.copy()
-        self.material.compute_stress(stress, increment.copy(), state, dt)
-        return stress, state
+    def after(self, stress, increment, state, dt, halvings=_MOST_HALVINGS):
+        """Stress and state after one call; after two of half the step where the law refuses it, as in a run."""
+        new_stress, new_state = stress.copy(), state.copy()
+        try:
+            self.material.compute_stress(new_stress, increment.copy(), new_state, dt)
+        except StepRefused as refusal:
+            self._check_refusal(refusal, increment, halvings)
+            halfway = self.after(stress, 0.5 * increment, state, 0.5 * dt, halvings - 1)
+            return self.after(halfway[0], 0.5 * increment, halfway[1], 0.5 * dt, halvings - 1)
+        return new_stress, new_state
 
-    def increments(self, count=ROWS):
+    def _check_refusal(self, refusal, increment, halvings):
+        rows = refusal.rows
+        if not len(rows) or rows.min() < 0 or rows.max() >= len(increment):
+            raise RefusalError(f"{self.law} refuses rows {rows.tolist()} of {len(increment)}; give their indices")
+        still = rows[~increment[rows].any(axis=1)]
+        if len(still):
+            raise RefusalError(
+                f"{self.law} refuses row {still[0]}, which has no strain increment: half a step would be no less; take "
+                "newborn rows, and rows without state, as they are"
+            )
+        if halvings == 0:
+            raise self._refused_for_good(refusal)
+
+    def _refused_for_good(self, refusal):
+        return RefusalError(
+            f"{self.law} refuses a step that was halved {_MOST_HALVINGS} times ({refusal.reason}); a run would end"
+        )
+
+    def increments(self, count=ROWS) -> np.ndarray:
         """Random strain increments (count, components), 1e-7 to 3e-3 in size."""
         size = 10 ** self.rng.uniform(-7.0, -2.5, (count, 1))
         return size * self.rng.normal(size=(count, self.components))
+
+    def accepted(self, stress, state, dt):
+        """Random strain increments (n, components), halved together until the law refuses none of them."""
+        increment = self.increments(len(stress))
+        for _ in range(_MOST_HALVINGS):
+            try:
+                self.material.compute_stress(stress.copy(), increment.copy(), state.copy(), dt)
+                return increment
+            except StepRefused as refusal:
+                last, increment = refusal, 0.5 * increment
+        raise self._refused_for_good(last)
 
     def stress_scale(self, stress, state, increment):
         """Stress (n,) to which differences are compared."""

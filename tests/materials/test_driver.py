@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from periporo.core.numerics.tensors import equivalent_shear, mean, to_matrix
-from periporo.core.points.material import StateField
+from periporo.core.points.material import StateField, StepRefused
 from periporo.errors import InputError
 from periporo.materials.arena import Arena
 from periporo.materials.cam_clay import CamClay
@@ -187,6 +187,28 @@ def test_impossible_stress_is_an_error_with_its_place():
     path = StrainPath("shear", np.arange(3.0), target, np.array([False, False, False, True, False, False]))
     with pytest.raises(InputError, match="row 2, time 2 s: the prescribed stress_xy cannot be reached"):
         drive(clay, path)
+
+
+class Cautious(Elastic):
+    """Bears no more than 1e-4 of strain at once."""
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        over = np.flatnonzero(np.abs(strain_increment).max(axis=1) > 1e-4)
+        if len(over):
+            stress[:] = np.nan
+            raise StepRefused(over)
+        super().compute_stress(stress, strain_increment, state, dt)
+
+
+@pytest.mark.parametrize("controlled", [False, True])
+def test_a_refused_increment_is_halved(controlled):
+    law = Cautious(**ELASTIC.model_dump())
+    target = np.zeros((2, 6))
+    target[1, 3] = 3e4 if controlled else 1e-3
+    path = StrainPath("shear", np.arange(2.0), target, np.arange(6) == (3 if controlled else -1))
+    result = drive(law, path, 1)
+    assert result["stress_xy"][-1] == pytest.approx(3e4, rel=1e-9)
+    assert result["strain_xy"][-1] == pytest.approx(1e-3, rel=1e-9)
 
 
 def test_prescribed_stress_must_start_at_the_initial_stress(tmp_path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from periporo.core.points.material import Material, StateField
+from periporo.core.points.material import Material, StateField, StepRefused
 from periporo.materials import registry, testing
 from periporo.materials.arena import Arena
 from periporo.materials.cam_clay import CamClay
@@ -200,6 +200,36 @@ class ForeignOrder(Sound):
         super().compute_stress(stress, strain_increment[:, order], state, dt)
 
 
+class Cautious(Sound):
+    """Refuses strains over 1e-3, and leaves the arrays spoiled."""
+
+    bears = 1e-3
+
+    def refused(self, stress, strain_increment):
+        return np.flatnonzero(np.abs(strain_increment).max(axis=1, initial=0.0) > self.bears)
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        over = self.refused(stress, strain_increment)
+        super().compute_stress(stress, strain_increment, state, dt)
+        if len(over):
+            stress[:] = state[:] = np.nan
+            raise StepRefused(over)
+
+
+class RefusesAll(Cautious):
+    bears = 1e-12
+
+
+class RefusesStill(Cautious):
+    def refused(self, stress, strain_increment):
+        return np.flatnonzero((np.abs(strain_increment) < 1e-12).all(axis=1))
+
+
+class RefusesOthers(Cautious):
+    def refused(self, stress, strain_increment):
+        return super().refused(stress, strain_increment) + 1000
+
+
 class Drifts(Sound):
     def compute_stress(self, stress, strain_increment, state, dt):
         super().compute_stress(stress, strain_increment, state, dt)
@@ -311,6 +341,9 @@ class LosesWherePressed(Loses):
         (TangentModuli, testing.ModuliError, "2 times as stiffly as its bulk modulus says"),
         (RefusesZeros, testing.ShapeError, "are all 0"),
         (NaNFromZeros, testing.NonFiniteError, "are all 0"),
+        (RefusesAll, testing.RefusalError, "halved 6 times"),
+        (RefusesStill, testing.RefusalError, "has no strain increment"),
+        (RefusesOthers, testing.RefusalError, "give their indices"),
         (Drifts, testing.ZeroIncrementError, "dt = inf"),
         (IgnoresTime, testing.ZeroIncrementError, "dt = 1e-30"),
         (Anisotropic, testing.FrameError, "in turned axes"),
@@ -340,3 +373,8 @@ def test_a_cycle_is_measured_by_the_moduli_of_its_rows():
     """Not by those without stress, which may be next to nothing."""
     loose = check_material(LosesWherePressed()).cycle_energy
     assert loose == pytest.approx(check_material(Loses()).cycle_energy, rel=1e-9) and 1e-3 < abs(loose) < 1e3
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_law_may_refuse_what_is_too_much(dimension):
+    assert abs(check_material(Cautious(), dimension).cycle_energy) < 1e-9

@@ -10,6 +10,7 @@ import sys
 import numpy as np
 
 from periporo.core import cli
+from periporo.core.points.material import StepRefused
 from periporo.core.watch.watchdog import Watchdog, wave_speeds
 
 KIND, STEP, TIMES = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
@@ -55,7 +56,25 @@ def strain(sim):
     kind.deform = leap
 
 
-FAULTS = {"nan": nan, "nan_stress": nan_stress, "speed": speed, "strain": strain, "energy": energy}
+def refused(sim):
+    """The law refuses a point's rows in the next step, and leaves them spoiled."""
+    law, block = type(sim.materials[0]), sim.bonds.blocks[0]
+    advance = law.compute_stress
+
+    def refuse(self, stress, *others):
+        law.compute_stress = advance
+        ids, place = sim.bonds.layout.keys(block, sim.bonds.pairs)
+        rows = np.flatnonzero((ids[place] == POINT).any(axis=1))
+        stress[rows] = np.nan
+        if len(rows):
+            raise StepRefused(rows, "it is tired")
+
+    law.compute_stress = refuse
+
+
+FAULTS = {
+    "nan": nan, "nan_stress": nan_stress, "speed": speed, "strain": strain, "energy": energy, "refused": refused,
+}  # fmt: skip
 left = [TIMES]
 
 

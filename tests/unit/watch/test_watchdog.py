@@ -5,8 +5,10 @@ import csv
 import numpy as np
 import pytest
 
+from periporo.core.bonds.bonds import RefusedStep
 from periporo.core.loads.boundary import Gravity
 from periporo.core.motion.stages import DynamicsStage
+from periporo.core.points.material import StepRefused
 from periporo.core.watch.watchdog import (
     MOST_RETRIES,
     STRAIN_JUMP,
@@ -18,8 +20,22 @@ from periporo.core.watch.watchdog import (
     survey,
     wave_speeds,
 )
+from periporo.materials.elastic import Elastic
 
 SPACING = 0.01
+
+
+class Reluctant(Elastic):
+    """Refuses steps in which a row strains by more than it `bears`, after spoiling them all."""
+
+    bears: float = 1.0
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        over = np.flatnonzero(np.abs(strain_increment).max(axis=1, initial=0.0) > self.bears)
+        super().compute_stress(stress, strain_increment, state, dt)
+        if len(over):
+            stress[:] = np.nan
+            raise StepRefused(over, f"it bears {self.bears:g}")
 
 
 def stretching(position, speed):
@@ -40,6 +56,9 @@ class Saboteur:
         if self.times and sim.step_number == self.at:
             self.times -= 1
             self.spoil(sim)
+
+    def refused(self, sim, refusal):
+        pass
 
 
 def nan_velocity(sim):
@@ -140,6 +159,47 @@ def test_after_a_sound_while_the_full_step_returns(flight, tmp_path, monkeypatch
     assert dog.retries == 1 and "back to step 100" in messages[0] and "sound again" in messages[1]
     assert flight.time_step.reduction == 1.0 and flight.dt == 2e-5
     assert flight.step_number == 350  # 100, 100 of half the step to 150 of the others, 150
+
+
+def reluctant_block(cloud, grid, bears):
+    """The falling block of a law that bears so much strain in a step; it strains by 3.4e-5 in its first."""
+    gravity, position = [Gravity(np.array([0.0, -10.0]))], grid(8, 6, spacing=SPACING)
+    law = Reluctant(**Elastic.example().model_dump(), bears=bears)
+    sim = cloud(position, laws=[law], velocity=stretching(position, 0.1), loads=gravity, fixed=2e-5)
+    sim.stages = [DynamicsStage("fall", loads=gravity, duration=10 * 2e-5)]
+    return sim
+
+
+def test_a_refused_step_is_answered_with_half_of_it(cloud, grid, tmp_path):
+    """Found before anything is made of what the law left; the motion is that of half the step from the start."""
+    sim = reluctant_block(cloud, grid, bears=3e-5)
+    dog, messages = guarded(sim, tmp_path, Saboteur(nan_velocity, at=-1))
+    sim.run()
+    assert dog.retries == 1 and "refuses the step (Reluctant: it bears 3e-05)" in messages[0]
+    assert "step 1:" in messages[0] and "back to step 0 with 0.5" in messages[0]
+    smaller = reluctant_block(cloud, grid, bears=1.0)
+    smaller.time_step.fixed = smaller.dt = 1e-5
+    smaller.run()
+    assert sim.step_number == smaller.step_number == 20
+    assert np.isfinite(sim.particles.position).all() and (sim.particles.position == smaller.particles.position).all()
+
+
+def test_a_law_that_always_refuses_ends_the_run_with_its_reason(cloud, grid, tmp_path):
+    sim = reluctant_block(cloud, grid, bears=1e-9)
+    guarded(sim, tmp_path, Saboteur(nan_velocity, at=-1))
+    with pytest.raises(WatchdogError, match="it bears 1e-09"):
+        sim.run()
+    assert "it bears 1e-09" in (tmp_path / "run.diagnostic.csv").read_text()
+
+
+@pytest.mark.parametrize("last", [False, True])
+def test_without_a_watchdog_a_refusal_is_an_error(cloud, grid, last):
+    """In the next step, or where the stage ends."""
+    sim = reluctant_block(cloud, grid, bears=3e-5)
+    sim.stages[0].duration = 2e-5 if last else 1.0
+    with pytest.raises(RefusedStep, match="refused by Reluctant: it bears 3e-05. The time step is too long"):
+        sim.run()
+    assert sim.step_number == 1
 
 
 def test_a_lasting_fault_is_reported(flight, tmp_path):
