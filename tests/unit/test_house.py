@@ -1,6 +1,7 @@
 """The house as installed: every folder is shipped, and what packages offer is what type checkers are told."""
 
 import ast
+import re
 import sys
 import tomllib
 from importlib import import_module
@@ -16,6 +17,19 @@ def test_every_room_is_shipped():
              for path in (ROOT / top).rglob("__init__.py")}  # fmt: skip
     packages = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
     assert {"periporo", *(f"periporo.{'.'.join(room.parts)}" for room in rooms)} == set(packages)
+
+
+def test_the_page_on_architecture_has_the_rooms_that_the_linter_holds_in_their_order():
+    page = (ROOT / "docs" / "explanation" / "architecture.md").read_text()
+    told = [name.removesuffix(".py") for name in re.findall(r"^\| `([\w/.]+?)/?` \|", page, re.M)]
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+    floors = {c["containers"][0]: [set(f.split(" | ")) for f in c["layers"]] for c in contracts if "layers" in c}
+    for house in ("core", "io"):
+        rooms = [name.partition("/")[2] for name in told if name.startswith(f"{house}/")]
+        for floor in reversed(floors[f"periporo.{house}"]):
+            assert set(rooms[: len(floor)]) == floor
+            rooms = rooms[len(floor) :]
+        assert not rooms
 
 
 @pytest.mark.parametrize("package", ["periporo", "periporo.materials"])
