@@ -26,7 +26,14 @@ class Problem:
 class InputError(Exception):
     """The input cannot be used; `str(error)` is the complete message, short enough for one screen.
 
-    `problems` holds every problem, sorted by line; `source` names the file, or what stands for it.
+    `problems` holds every `Problem`, sorted by line; `source` names the file, or what stands for it.
+
+    >>> try:
+    ...     raise InputError("slope.yaml", [Problem(("bodies", 0, "name"), "must be text", line=7)])
+    ... except InputError as error:
+    ...     print(error)
+    slope.yaml: 1 problem
+      line 7, bodies[0].name: must be text
     """
 
     def __init__(self, source: str, problems: Iterable[Problem]):

@@ -36,13 +36,28 @@ def run(
 ):  # fmt: skip
     """Run a scene, or the rest of it, as the command line does: with results, checkpoints, watchdog and progress.
 
-    source: YAML file, dictionary or `SceneInput`. file: of the results; by default what the scene says, or the name of
-    its file with .h5. comm: the ranks, by default all. resume: go on from the newest checkpoint. overwrite: replace
-    an existing result file. walltime: s after which to write a checkpoint and stop. pictures: draw them at the end.
-    callbacks: pairs (n, function); function(simulation) is called on every rank after every n-th step.
+    - `source`: YAML file, dictionary or `SceneInput`
+    - `file`: of the results; by default what the scene says, or the name of its file with .h5
+    - `comm`: the ranks, by default all
+    - `resume`: go on from the newest checkpoint; `overwrite`: replace an existing result file
+    - `walltime`: s after which to write a checkpoint and stop
+    - `pictures`: draw them at the end; `quiet`: no progress display
+    - `callbacks`: pairs (n, function); function(simulation) is called on every rank after every n-th step
 
-    Returns the path of the result file. On all ranks alike raises InputError, OutputError, RelaxationError or
-    WatchdogError.
+    Returns the path of the result file. On all ranks alike raises `InputError` if the scene cannot be used,
+    `OutputError` if its file cannot be written, `RelaxationError` if equilibrium is not found, `WatchdogError` if the
+    motion fails and smaller steps do not help, and ValueError if there is no name for the file.
+
+    >>> soil = {"model": "elastic", "density": 1800, "bulk_modulus": 25e6, "shear_modulus": 15e6}
+    >>> box = {"type": "box", "lower": [0, 0], "upper": [0.1, 0.05]}
+    >>> scene = {
+    ...     "dimension": 2, "spacing": 0.01, "gravity": [0, -9.81], "materials": {"soil": soil},
+    ...     "bodies": [{"name": "block", "material": "soil", "shape": box}],
+    ...     "stages": [{"name": "fall", "type": "dynamics", "duration": 1e-3}],
+    ... }
+    >>> file = run(scene, "fall.h5", quiet=True)
+    >>> file.name
+    'fall.h5'
     """
     began = time.monotonic()
     comm = MPI.COMM_WORLD if comm is None else comm

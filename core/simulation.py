@@ -27,8 +27,25 @@ _REMEMBERED = ("time", "_carry", "dt", "step_number", "stage_number", "skin", "r
 class Simulation:
     """A scene in motion on the ranks of `comm`.
 
-    Built by `periporo.core.scene.build`; `step` advances it, `run` goes through its stages. What a scene does
-    not have is an empty list here.
+    `from_scene` builds it; `start` finds bonds and forces of the initial state, `step` advances it, `run` does both
+    through all stages. What a scene does not have is an empty list here.
+
+    - `particles`: the points, one array for each field: rows up to `particles.owned` are this rank's, the rest are
+      copies of other ranks' points; `position` (n, d) m, `velocity` (n, d) m/s, `mass` (n,) kg, `id` (n,) and so on
+    - `ledger`: energies of the whole scene, J: `ledger.kinetic()`, `ledger.entries()`
+    - `time` s, `dt` s, `step_number`, `rebuild_count`, `comm`, `spacing` m
+
+    >>> soil = {"model": "elastic", "density": 1800, "bulk_modulus": 25e6, "shear_modulus": 15e6}
+    >>> box = {"type": "box", "lower": [0, 0], "upper": [0.1, 0.05]}
+    >>> simulation = Simulation.from_scene({
+    ...     "dimension": 2, "spacing": 0.01, "gravity": [0, -9.81], "materials": {"soil": soil},
+    ...     "bodies": [{"name": "block", "material": "soil", "shape": box}],
+    ...     "stages": [{"name": "fall", "type": "dynamics", "duration": 1e-3}],
+    ... })
+    >>> simulation.run()
+    >>> fall = simulation.particles.velocity[: simulation.particles.owned, 1]
+    >>> bool(abs(fall + 9.81 * simulation.time).max() < 1e-12)
+    True
     """
 
     reader: ClassVar[Callable[..., "Simulation"] | None] = None

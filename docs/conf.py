@@ -4,7 +4,10 @@ from importlib import metadata
 
 project = "periporo"
 release = metadata.version("periporo")
-extensions = ["myst_parser"]
+extensions = ["myst_parser", "sphinx.ext.autodoc"]
+default_role = "code"  # what docstrings have between single backticks
+autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
 source_suffix = {".md": "markdown"}
 exclude_patterns = ["figures/*.md"]  # tables that pages quote
 html_theme = "furo"

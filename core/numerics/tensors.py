@@ -7,7 +7,10 @@ keep all six. Shear entries are tensor components (half of the engineering shear
 import numpy as np
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
+"""Names of the components in their order; plane strain has the first four."""
+
 INDEX_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
+"""Row and column of each component."""
 
 
 def component_count(dimension: int) -> int:
@@ -21,7 +24,11 @@ def dimension_of(rows: np.ndarray) -> int:
 
 
 def to_matrix(rows: np.ndarray) -> np.ndarray:
-    """Full tensors (n, 3, 3) from rows (n, 4) or (n, 6)."""
+    """Full tensors (n, 3, 3) from rows (n, 4) or (n, 6).
+
+    >>> to_matrix(np.array([[1.0, 2.0, 3.0, 4.0]]))[0].tolist()
+    [[1.0, 4.0, 0.0], [4.0, 2.0, 0.0], [0.0, 0.0, 3.0]]
+    """
     full = np.zeros((len(rows), 3, 3))
     for c, (a, b) in enumerate(INDEX_PAIRS[: rows.shape[1]]):
         full[:, a, b] = full[:, b, a] = rows[:, c]

@@ -14,7 +14,7 @@ class ResultError(Exception):
 def open_results(path):
     """Open a result file for reading, also while its run goes on; use it in a `with` statement.
 
-    Raises ResultError if the file is missing, damaged or not one of ours.
+    Returns a `Results`. Raises `ResultError` if the file is missing, damaged or not one of ours.
     """
     return Results(path)
 
@@ -23,7 +23,13 @@ class Results:
     """A result file open for reading, as it was when opened.
 
     Outputs are counted from 0, or from the last with -1. Arrays are in global-id order. Vectors have 3
-    columns, symmetric tensors 6 (xx, yy, zz, xy, yz, xz), also in plane strain.
+    columns, symmetric tensors 6 (xx, yy, zz, xy, yz, xz), also in plane strain. All methods raise `ResultError` for
+    a name, an output or a time that the file does not have.
+
+    - `times` (outputs,) s, `steps` (outputs,), `point_counts` (outputs,); their number is `len(results)`
+    - `fields` and `history_names`: what `field` and `history` may be asked for
+    - `configuration`: the scene with all defaults; `attributes`: versions, ranks, run-out and so on
+    - `dimension`: 2 or 3
     """
 
     def __init__(self, path):

@@ -44,7 +44,14 @@ def drive(
     """Columns (m,) by name for the rows of `path`: time, strain, stress and state, in SI units.
 
     Each row is reached in `substeps` steps. The initial stress (6,) Pa is that of the argument, else the
-    path's own, else zero. Raises InputError if a prescribed stress cannot be reached.
+    path's own, else zero. Raises `InputError` if a prescribed stress cannot be reached, or the law refuses a step.
+
+    >>> from periporo.materials import built_in_path
+    >>> from periporo.materials.elastic import Elastic
+    >>> soil = Elastic(density=1800, bulk_modulus=25e6, shear_modulus=15e6)
+    >>> columns = drive(soil, built_in_path("oedometer", "strain=0.01,confining=0,rows=10"))
+    >>> print(f"{columns['stress_yy'][-1]:.6g} Pa")  # (K + 4/3 G) times the strain
+    -450000 Pa
     """
     if substeps < 1:
         raise InputError("substeps", [Problem((), f"must be at least 1, not {substeps}")])

@@ -168,8 +168,14 @@ _DEFAULTS = {"confining": 1e5, "strain": 0.1, "rows": 100, "rate": 1e-3}
 def built_in_path(name: str, options: str = "") -> StrainPath | DeformationPath:
     """The laboratory test `name`, from an isotropic stress, compressing along yy.
 
-    Options, as in `confining=1e5,strain=0.1,rows=100,rate=1e-3`: `confining` pressure (Pa); final `strain`
-    (axial; volumetric if isotropic; angle of shear in simple shear); `rows`; strain `rate` (1/s).
+    Tests are triaxial, oedometer, undrained, isotropic and simple_shear. Options, as in
+    `confining=1e5,strain=0.1,rows=100,rate=1e-3`: `confining` pressure (Pa); final `strain` (axial; volumetric if
+    isotropic; angle of shear in simple shear); `rows`; strain `rate` (1/s).
+    Raises `InputError` for an option that there is not.
+
+    >>> path = built_in_path("triaxial", "confining=1e5,strain=0.1,rows=100")
+    >>> path.target.shape, float(path.time[-1])
+    ((101, 6), 100.0)
     """
     values = _parse_options(f"{name}:{options}", options)
     rows = int(values["rows"])

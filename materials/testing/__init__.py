@@ -51,8 +51,13 @@ def check_material(material: Material, dimension: int = 3, seed: int = 0, pressu
 
     Rows start from isotropic compression up to `pressure` Pa and are strained by up to about 1 % a step.
 
-    Raises a subclass of NonConformance, an AssertionError, at the first breach. A law with the attribute
-    `conservative = True` must also return the work of a closed cycle of strain.
+    Returns a `Report`. Raises a subclass of `NonConformance`, which is an AssertionError, at the first breach. A law
+    with the attribute `conservative = True` must also return the work of a closed cycle of strain.
+
+    >>> from periporo.materials.elastic import Elastic
+    >>> report = check_material(Elastic(density=1800, bulk_modulus=25e6, shear_modulus=15e6), dimension=2)
+    >>> round(report.stiffness, 6)
+    1.0
     """
     contract.check_declaration(material)
     rows = Rows(material, component_count(dimension), np.random.default_rng(seed), pressure)

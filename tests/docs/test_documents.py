@@ -42,7 +42,7 @@ FENCE = re.compile(
     r"(?:^ *<!-- file: (?P<file>\S+) -->\n)?^(?P<indent> *)```(?P<language>[\w{}-]*)\n(?P<text>.*?)^ *```$", re.M | re.S
 )
 INLINE = re.compile(r"`((?:python|pytest|mpirun|periporo|pip|sphinx-build) [^`\n]+)`")
-NO_CODE = ("", "text", "{include}", "{toctree}")
+NO_CODE = ("", "text", "{include}", "{toctree}", "{eval-rst}")
 STEP = 5e-4  # s, of a stage at reduced size
 
 
