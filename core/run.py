@@ -95,10 +95,10 @@ def run(
                 progress.message(f"{reason}\ngo on with: {_how_to_resume(source)}")
                 return target
             figures = {"wall_time_s": time.monotonic() - began, "timing": _timing(sim), "retries": watchdog.retries}
-            deposit = _deposit(sim, history, vertical_axis(scene))
-            writer.set_attributes({**figures, **deposit, **_counters(sim), "finished": 1})
+            deposit, counts = _deposit(sim, history, vertical_axis(scene)), _counters(sim)
+            writer.set_attributes({**figures, **deposit, **counts, "finished": 1})
         everywhere(comm, checkpoint.remove, target)
-        for line in _summary(sim, history, deposit):
+        for line in _summary(sim, history, deposit | counts):
             progress.message(line)
         progress.message(f"results: {target}")
         if pictures and comm.rank == 0:
@@ -236,10 +236,11 @@ def _timing(sim) -> str:
 
 
 def _counters(sim) -> dict[str, int]:
-    """How often neighbours were found anew, and what the ranks sent each other after the start."""
+    """How often neighbours were found anew and laws failed, and what the ranks sent each other after the start."""
     sent = {"migrated_points": sim.halo.points_migrated, "messages": sim.halo.messages_sent,
             "bytes_sent": sim.halo.bytes_sent}  # fmt: skip
-    return {"rebuilds": sim.rebuild_count, **{name: sim.comm.allreduce(count) for name, count in sent.items()}}
+    counts = {"rebuilds": sim.rebuild_count, "failed_updates": sim.failed_updates()}
+    return {**counts, **{name: sim.comm.allreduce(count) for name, count in sent.items()}}
 
 
 def _deposit(sim, history, vertical) -> dict:
@@ -254,18 +255,19 @@ def _deposit(sim, history, vertical) -> dict:
     }
 
 
-def _summary(sim, history, deposit) -> list[str]:
-    """Energy ledger, run-out and height, and where the time went."""
+def _summary(sim, history, figures) -> list[str]:
+    """Energy ledger, run-out and height, what laws failed in, and where the time went."""
     last = history.latest
     energies = [name for name in last if history.UNITS.get(name) == "J"]
     ledger = [f"  {name.replace('_', ' '):22s} {last[name] + 0.0:+.6e} J" for name in energies]  # + 0.0: no minus zero
-    error = abs(last["energy_residual"] - last["integration_term"])
+    error, failed = abs(last["energy_residual"] - last["integration_term"]), figures["failed_updates"]
     return [
         "energy ledger",
         *ledger,
         f"  unexplained            {error:.1e} J",
-        f"run-out {deposit['run_out_m']:.4g} m (99 % of the deposit), height {deposit['height_m']:.4g} m, "
-        f"free-flying points {deposit['free_flying_points']}",
+        f"run-out {figures['run_out_m']:.4g} m (99 % of the deposit), height {figures['height_m']:.4g} m, "
+        f"free-flying points {figures['free_flying_points']}",
+        *([f"{failed:,} updates of laws failed: those rows kept their stress"] if failed else []),
         "time of the run",
         *(f"  {line}" for line in sim.timing.lines()),
     ]

@@ -78,6 +78,7 @@ class Simulation:
         self._carry = 0.0  # of the compensated sum of time steps
         self._moved = 0.0
         self._refusals = []  # of the last step, on this rank
+        self._failed = 0  # updates of laws on this rank
 
     @classmethod
     def from_scene(cls, scene, comm=None) -> "Simulation":
@@ -168,7 +169,8 @@ class Simulation:
         timing.lap("strain")
         for block in b.blocks:
             block.advance(material_dt)
-        self._refusals = self.bonds.refusals()
+        self._refusals = b.refusals()
+        self._failed += b.failures(p.owned)
         timing.lap("material")
         for process in self.point_processes:
             process.update(p, b, dt)
@@ -252,12 +254,17 @@ class Simulation:
             self.stages[number].run(self, resumed)
             resumed = False
 
+    def failed_updates(self) -> int:
+        """How often an update of a row has failed so far, over all ranks; collective."""
+        return self.comm.allreduce(self._failed)
+
     def memory(self) -> dict:
-        """What a checkpoint keeps of clocks and counters; the same on all ranks."""
-        return {name: getattr(self, name) for name in _REMEMBERED} | {"initial_kinetic": self.ledger.initial_kinetic}
+        """What a checkpoint keeps of clocks and counters; the same on all ranks; collective."""
+        clocks = {name: getattr(self, name) for name in _REMEMBERED}
+        return clocks | {"initial_kinetic": self.ledger.initial_kinetic, "failed_updates": self.failed_updates()}
 
     def recall(self, memory: dict) -> None:
         """Set the clocks and counters back."""
         for name in _REMEMBERED:
             setattr(self, name, memory[name])
-        self._refusals = []
+        self._refusals, self._failed = [], memory["failed_updates"] if self.comm.rank == 0 else 0

@@ -1,6 +1,6 @@
 """Constitutive laws, and all that the author of one needs: this address does not move, whatever lies behind it.
 
-A law is a `Material` with `StateField`s, and may raise `StepRefused`; `MaterialParameters` gives its parameters bounds,
+A law is a `Material` with `StateField`s, and may raise `StepRefused` or `UpdatesFailed`; `MaterialParameters` gives its parameters bounds,
 units and error messages; `COMPONENTS`, `INDEX_PAIRS`, `component_count`, `dimension_of`, `to_matrix` and `from_matrix`
 are the order of tensor components; `kernel` and `inlined` compile loops over rows; `check_material` is the conformance
 kit; `drive` takes one point along a path that `built_in_path` or `read_path` makes. Importing the package costs
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
         from_matrix,
         to_matrix,
     )
-    from periporo.core.points.material import BONDING, Material, StateField, StepRefused, state_columns
+    from periporo.core.points.material import BONDING, Material, StateField, StepRefused, UpdatesFailed, state_columns
     from periporo.materials.base import MaterialParameters
     from periporo.materials.friction import FrictionAngles
-    from periporo.materials.laboratory.drive import drive
+    from periporo.materials.laboratory.drive import DriveStopped, drive
     from periporo.materials.laboratory.paths import built_in_path, read_path
     from periporo.materials.testing import NonConformance, check_material
 else:
@@ -33,16 +33,18 @@ else:
         "periporo.core.numerics.tensors": (
             "COMPONENTS", "INDEX_PAIRS", "component_count", "dimension_of", "from_matrix", "to_matrix",
         ),
-        "periporo.core.points.material": ("BONDING", "Material", "StateField", "StepRefused", "state_columns"),
+        "periporo.core.points.material": (
+            "BONDING", "Material", "StateField", "StepRefused", "UpdatesFailed", "state_columns",
+        ),
         "periporo.materials.base": ("MaterialParameters",),
         "periporo.materials.friction": ("FrictionAngles",),
-        "periporo.materials.laboratory.drive": ("drive",),
+        "periporo.materials.laboratory.drive": ("DriveStopped", "drive"),
         "periporo.materials.laboratory.paths": ("built_in_path", "read_path"),
         "periporo.materials.testing": ("NonConformance", "check_material"),
     })  # fmt: skip
 
 __all__ = [
-    "BONDING", "COMPONENTS", "FrictionAngles", "INDEX_PAIRS", "Material", "MaterialParameters", "NonConformance",
-    "StateField", "StepRefused", "built_in_path", "check_material", "component_count", "dimension_of", "drive",
-    "from_matrix", "inlined", "kernel", "read_path", "state_columns", "to_matrix",
+    "BONDING", "COMPONENTS", "DriveStopped", "FrictionAngles", "INDEX_PAIRS", "Material", "MaterialParameters", "NonConformance",
+    "StateField", "StepRefused", "UpdatesFailed", "built_in_path", "check_material", "component_count", "dimension_of",
+    "drive", "from_matrix", "inlined", "kernel", "read_path", "state_columns", "to_matrix",
 ]  # fmt: skip

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from periporo.core.numerics.jit import kernel
-from periporo.core.points.material import Material, StepRefused, state_columns
+from periporo.core.points.material import Material, StepRefused, UpdatesFailed, state_columns
 from periporo.core.points.neighbours import Pairs
 from periporo.core.points.particles import Particles
 from periporo.core.ranks.halo import pack
@@ -66,6 +66,7 @@ class Block(Rows):
         self.held_moduli = None  # what `elastic_moduli` answers while stress and state are only a trial
         self.strain_increment = np.empty((0, components))
         self.refused: tuple[np.ndarray, str] | None = None  # rows that refuse the step, and the reason
+        self.failed: list[np.ndarray] = []  # rows whose update failed in the step
         # of the strains in a step since `forget_peak`: square of the largest, and its row; its ids after a rebuild
         self.peak, self.peak_ids = np.array([0.0, -1.0]), np.full(2, -1)
 
@@ -84,7 +85,7 @@ class Block(Rows):
         return self.held_moduli is not None or getattr(self.material, "conservative", False)
 
     def advance(self, dt: float) -> None:
-        """Let the law take a step of `dt` s in all rows; those that it refuses are remembered."""
+        """Let the law take a step of `dt` s in all rows; those that it refuses, or that fail, are remembered."""
         self.take(self.stress, self.strain_increment, self.state, dt)
 
     def take(self, stress, strain_increment, state, dt: float, rows=None) -> None:
@@ -94,6 +95,8 @@ class Block(Rows):
         except StepRefused as refusal:
             if self.refused is None:  # the first reason is the one that counts
                 self.refused = refusal.rows if rows is None else rows[refusal.rows], refusal.reason
+        except UpdatesFailed as failure:
+            self.failed.append(failure.rows if rows is None else rows[failure.rows])
 
     def elastic_moduli(self) -> tuple[np.ndarray, np.ndarray]:
         """Bulk and shear modulus of the rows, two (n,) arrays in Pa."""

@@ -127,6 +127,16 @@ class Bonds:
                 found.append(Refusal(type(block.material).__name__, reason, np.unique(ids[place[rows]])))
         return found
 
+    def failures(self, owned: int) -> int:
+        """Active rows whose update failed since this was last asked, each counted where its first end is `owned`."""
+        count = 0
+        for block in self.blocks:
+            while block.failed:
+                rows = block.failed.pop()
+                index, first, _, _ = self.layout.holders(block, self.pairs)
+                count += int(np.count_nonzero(block.active[rows] & (first[index[rows]] < owned)))
+        return count
+
     def average(self, particles: Particles, points: np.ndarray) -> None:
         """Average stress and state of the active rows of each owned point in `points` (rows), per block.
 

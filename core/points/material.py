@@ -49,6 +49,18 @@ class StepRefused(Exception):
         super().__init__(f"{len(self.rows)} rows refuse the step: {reason}")
 
 
+class UpdatesFailed(Exception):
+    """Raised by `compute_stress` when it is done: all rows are advanced but these `rows`, which stay as they were.
+
+    The program counts them, tells so at the end of the run, and goes on. `drive` ends there.
+    """
+
+    def __init__(self, rows, reason: str = "the update failed"):
+        self.rows = np.atleast_1d(np.asarray(rows, dtype=np.int64))
+        self.reason = reason
+        super().__init__(f"{len(self.rows)} rows stay as they were: {reason}")
+
+
 @runtime_checkable
 class Material(Protocol):
     """A constitutive law; see `docs/how-to/own_material.md` for how to write one."""
@@ -80,7 +92,7 @@ class Material(Protocol):
         stress and state of its two points, is passed once with a strain increment of 0: make its stress and state
         consistent then.
 
-        Raises StepRefused where the law cannot follow the step.
+        Raises StepRefused where the law cannot follow the step, UpdatesFailed where rows stay behind.
         """
 
     def elastic_moduli(self, stress: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

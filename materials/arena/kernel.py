@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from periporo.core.numerics.jit import inlined, kernel
 from periporo.materials.arena.constants import (
     unpack_control,
@@ -147,7 +149,8 @@ def update_rows(elasticity, pores, surface, strengths, controls, columns, stress
     """Advance `stress` (n, 4|6) and `state` (n, k) in place by `increment` (n, 4|6) over `dt` s.
 
     `columns` are the state's columns of damage time, strength factor and quasi-static stress, -1 where the
-    material has none. A row whose update fails keeps its start state and is counted in its failure column.
+    material has none. A row whose update fails keeps its start state, is counted in its failure column, and is one of
+    the numbers returned.
     """
     m = unpack_elasticity(elasticity)
     c = unpack_pores(pores)
@@ -157,6 +160,7 @@ def update_rows(elasticity, pores, surface, strengths, controls, columns, stress
     components = stress.shape[1]
     time_column, factor_column, static_column = columns[0], columns[1], columns[2]
     viscous = static_column >= 0
+    failed, failures = np.empty(0, np.int64), 0
     for b in range(stress.shape[0]):
         if state[b, STRENGTH] == 0.0:
             continue  # a row without state: a bond that is longer than the horizon still
@@ -196,6 +200,10 @@ def update_rows(elasticity, pores, surface, strengths, controls, columns, stress
             )
             if not fine:
                 state[b, FAILURES] += 1.0
+                if failures == len(failed):
+                    failed = np.append(failed, np.empty(failures + 8, np.int64))
+                failed[failures] = b
+                failures += 1
                 continue
             trace = row[0]
             s_share, e_share = _shares(row[1], row[2], u0, e1, e2)
@@ -215,6 +223,7 @@ def update_rows(elasticity, pores, surface, strengths, controls, columns, stress
             old = memory * (stress[b, k] - state[b, static_column + k]) if memory > 0.0 else 0.0
             stress[b, k] = static[k] + over[k] + old
         _store(state, b, static_column, components, static)
+    return failed[:failures]
 
 
 @inlined

@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from periporo.core.numerics import tensors
-from periporo.core.points.material import StateField
+from periporo.core.points.material import StateField, UpdatesFailed
 from periporo.materials.arena import pores as pore_space
 from periporo.materials.arena.constants import STRESS_FLOOR, Control, Elasticity, Pores, Strength, Surface, pack
 from periporo.materials.arena.elasticity import fill_moduli
@@ -178,10 +178,12 @@ class Arena(ArenaParameters):
     def compute_stress(self, stress, strain_increment, state, dt):
         """Advance `stress` (n, 4|6) Pa and `state` (n, k) in place by `strain_increment` over `dt` s.
 
-        With infinite `dt` the overstress vanishes and damage does not grow. A row whose update fails keeps
-        its start state; its `failed_updates` column counts it.
+        With infinite `dt` the overstress vanishes and damage does not grow. Raises UpdatesFailed for rows whose
+        update fails: they keep their start state, and their `failed_updates` column counts it.
         """
-        update_rows(*self._packed, self._columns, stress, strain_increment, state, float(dt))
+        failed = update_rows(*self._packed, self._columns, stress, strain_increment, state, float(dt))
+        if len(failed):
+            raise UpdatesFailed(failed, "the return to the yield surface did not converge")
 
     def elastic_moduli(self, stress, state):
         """Bulk and shear modulus of compressive unloading at the current state, two (n,) arrays in Pa."""

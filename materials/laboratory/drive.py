@@ -1,13 +1,12 @@
 """One material point along a path: `periporo drive MATERIAL.yaml PATH.csv -o folder`.
 
 Rows of the path are divided into substeps. Strain is given, or found by Newton's method where stress is
-given; a path of deformation gradients is followed by rotations and logarithmic strains.
+given; deformation gradients are joined by stretch and rotation.
 """
 
 import argparse
 import dataclasses
 import importlib.util
-import math
 import sys
 from pathlib import Path
 
@@ -23,16 +22,25 @@ from periporo.materials import registry
 from periporo.materials.laboratory.paths import (
     BUILT_IN,
     GRADIENT_COLUMNS,
+    INSIDE_OUT,
     STRAIN_COLUMNS,
     STRESS_COLUMNS,
     DeformationPath,
     StrainPath,
     find_path,
 )
-from periporo.materials.laboratory.point import MaterialPoint, StressNotReached
+from periporo.materials.laboratory.point import MaterialPoint, PointStopped, StressNotReached
 
 _MAX_HALVINGS = 8
-_NEAR = 0.15  # size of F_2 F_1^-1 - I
+_INPUT_ERROR, _STOPPED = 2, 3  # exit status
+
+
+class DriveStopped(RuntimeError):
+    """A point did not reach a row of its path; `columns` are the rows so far, as `drive` returns them."""
+
+    def __init__(self, path: StrainPath | DeformationPath, row: int, reason: str, columns: dict[str, np.ndarray]):
+        super().__init__(f"{path.name}, row {row}, time {path.time[row]:g} s: {reason}")
+        self.columns = columns
 
 
 def drive(
@@ -43,8 +51,11 @@ def drive(
 ) -> dict[str, np.ndarray]:
     """Columns (m,) by name for the rows of `path`: time, strain, stress and state, in SI units.
 
-    Each row is reached in `substeps` steps. The initial stress (6,) Pa is that of the argument, else the
-    path's own, else zero. Raises `InputError` if a prescribed stress cannot be reached, or the law refuses a step.
+    Each row is reached in `substeps` steps. The initial stress (6,) Pa is that of the argument, else the path's own,
+    else zero.
+
+    Raises `InputError` if path and start do not suit, `DriveStopped`, with the rows so far, if the law fails or refuses a
+    strain, gives a number that is not finite, or does not reach a prescribed stress.
 
     >>> from periporo.materials import built_in_path
     >>> from periporo.materials.elastic import Elastic
@@ -60,39 +71,48 @@ def drive(
         point = MaterialPoint(material, np.zeros(6) if stress is None else stress)
     except ValueError as error:
         raise InputError(path.name, [Problem((), f"the initial stress does not suit: {error}")]) from error
+    follow = _gradient_followed if isinstance(path, DeformationPath) else _strain_followed
+    follow = follow(point, path, substeps)
     rows = [_observed(point)]
-    follow = _follow_gradient if isinstance(path, DeformationPath) else _follow_strain
-    for _ in follow(point, path, substeps):
+    for row in range(1, len(path.time)):
+        try:
+            follow(row)
+        except PointStopped as stop:
+            raise DriveStopped(path, row, str(stop), _table(path, rows)) from None
         rows.append(_observed(point))
-    columns = {"time_s": path.time}
+    return _table(path, rows)
+
+
+def _table(path, rows) -> dict[str, np.ndarray]:
+    """Columns by name of the rows that were reached."""
+    columns = {"time_s": path.time[: len(rows)]}
     if isinstance(path, DeformationPath):
         flat = path.gradient.reshape(-1, 9)
-        columns |= {name: flat[:, c] for c, name in enumerate(GRADIENT_COLUMNS)}
+        columns |= {name: flat[: len(rows), c] for c, name in enumerate(GRADIENT_COLUMNS)}
     return columns | {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
-def _follow_gradient(point: MaterialPoint, path: DeformationPath, substeps: int):
-    """Advance from row to row; the deformation gradient is linear in time between rows that are far apart.
+def _gradient_followed(point: MaterialPoint, path: DeformationPath, substeps: int):
+    """Function that advances the point to a row of a path of deformation gradients, by stretch and rotation."""
+    turned = np.flatnonzero(~(np.linalg.det(path.gradient) > 0))
+    if len(turned):
+        raise InputError(path.name, [Problem((), f"row {turned[0]}: {INSIDE_OUT}")])
 
-    Rows that are nearer than `_NEAR` are joined by an even strain and rotation instead: the chord between two
-    rotations would strain the point.
-    """
-    for row in range(1, len(path.time)):
-        start, change = path.gradient[row - 1], path.gradient[row] - path.gradient[row - 1]
-        parts = max(1, math.ceil(np.linalg.norm(change @ np.linalg.inv(start)) / _NEAR))
-        dt = (path.time[row] - path.time[row - 1]) / parts
-        for k in range(parts):
-            ends = start + k / parts * change, start + (k + 1) / parts * change
-            point.deform(*ends, dt, math.ceil(substeps / parts))
-        yield
+    def follow(row):
+        dt = path.time[row] - path.time[row - 1]
+        point.deform(path.gradient[row - 1], path.gradient[row], dt, substeps)
+
+    return follow
 
 
-def _follow_strain(point: MaterialPoint, path: StrainPath, substeps: int):
-    """Advance from row to row; strains and prescribed stresses are linear in time between them."""
+def _strain_followed(point: MaterialPoint, path: StrainPath, substeps: int):
+    """Function that advances the point to a row; strains and prescribed stresses are linear in time in between."""
     controlled = path.stress_controlled
     _check_start(point, path)
     guess = np.zeros(6)
-    for row in range(1, len(path.time)):
+
+    def follow(row):
+        nonlocal guess
         dt = (path.time[row] - path.time[row - 1]) / substeps
         start, end = path.target[row - 1], path.target[row]
         for k in range(1, substeps + 1):
@@ -100,15 +120,18 @@ def _follow_strain(point: MaterialPoint, path: StrainPath, substeps: int):
             increment = np.where(controlled, guess, target - point.strain)
             try:
                 guess = _advance(point, increment, controlled, target, dt, _MAX_HALVINGS)
-            except StressNotReached as failure:
-                names = ", ".join(np.array(STRESS_COLUMNS)[controlled])
-                message = (
-                    f"row {row}, time {path.time[row]:g} s: the prescribed {names} cannot be reached, "
-                    f"{failure.residual:.3g} Pa is left. The material may fail: prescribe strain instead, "
-                    "or use more substeps"
-                )
-                raise InputError(path.name, [Problem((), message)]) from None
-        yield
+            except StressNotReached:
+                raise PointStopped(_missed(point.stress[0], end, controlled)) from None
+
+    return follow
+
+
+def _missed(stress, wanted, controlled) -> str:
+    """How far prescribed stresses came."""
+    names = np.array(STRESS_COLUMNS)[controlled]
+    values = zip(names, stress[controlled], wanted[controlled], strict=True)
+    came = ", ".join(f"{n} came to {s:.6g} of {w:.6g} Pa" for n, s, w in values if abs(s - w) > 1e-6 * abs(w))
+    return f"the prescribed stress cannot be reached, {came}; the material may fail there: prescribe strain instead"
 
 
 def _advance(point, increment, controlled, target, dt, halvings):
@@ -204,21 +227,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Carry out `periporo drive`; the exit status is 2 if an input is wrong, with a message on stderr."""
+    """Carry out `periporo drive`; messages go to stderr.
+
+    The exit status is 2 if an input is wrong, 3 if the point did not reach the end of the path: the table then
+    holds the rows that it reached.
+    """
+    status = 0
     try:
         material = load_material(arguments.material)
         path = find_path(arguments.path)
         columns = drive(material, path, arguments.substeps, _parse_stress(arguments.initial_stress))
     except InputError as error:
         print(error, file=sys.stderr)
-        return 2
+        return _INPUT_ERROR
+    except DriveStopped as stop:
+        print(f"{stop}\nthe table ends before that row", file=sys.stderr)
+        columns, status = stop.columns, _STOPPED
     folder = Path(arguments.output)
     folder.mkdir(parents=True, exist_ok=True)
     table = folder / f"{path.name}.csv"
     write_table(table, columns)
     print(table)
     _draw(material, columns, folder, path.name)
-    return 0
+    return status
 
 
 def _parse_stress(text: str | None) -> np.ndarray | None:

@@ -14,6 +14,7 @@ GRADIENT_COLUMNS = tuple(f"F{a}{b}" for a in "123" for b in "123")
 STRAIN_COLUMNS = tuple(f"strain_{c}" for c in COMPONENTS)
 STRESS_COLUMNS = tuple(f"stress_{c}" for c in COMPONENTS)
 MAX_ROWS = 1_000_000
+INSIDE_OUT = "the determinant of F must be positive: matter would turn inside out"
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class StrainPath:
 
 @dataclass(frozen=True)
 class DeformationPath:
-    """Deformation gradient (m, 3, 3) against time (m,) s, linear between the rows; the first is identity."""
+    """Deformation gradient (m, 3, 3) against time (m,) s, joined by stretch and rotation; the first is identity."""
 
     name: str
     time: np.ndarray
@@ -70,8 +71,7 @@ def read_path(file: str | Path) -> StrainPath | DeformationPath:
         path = DeformationPath(stem, time, _gradients(columns, len(time)))
         bad = np.flatnonzero(~(np.linalg.det(path.gradient) > 0))
         if len(bad):
-            message = "the determinant of F must be positive: matter would turn inside out"
-            raise InputError(str(file), [Problem(("F",), message, lines[bad[0] + 1])])
+            raise InputError(str(file), [Problem(("F",), INSIDE_OUT, lines[bad[0] + 1])])
         starts = np.allclose(path.gradient[0], np.eye(3), rtol=0, atol=1e-14)
     else:
         path = _strain_path(stem, time, columns)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from periporo.core.numerics.tensors import from_matrix, to_matrix
-from periporo.core.points.material import Material, StepRefused
+from periporo.core.points.material import Material, StepRefused, UpdatesFailed
 
 _WANTED = 1e-11  # error of a prescribed stress, of the largest stress or of 1e-6 K
 _ACCEPTED = 1e-7  # the same, where a law's own tolerance stops Newton's method before
@@ -13,12 +13,12 @@ _MOST_HALVINGS = 10  # of a strain increment that the law refuses
 _LINE_SEARCH = 0.5 ** np.arange(8)
 
 
-class StressNotReached(Exception):
-    """No strain was found that gives the prescribed stress; `residual` (Pa) is what was left."""
+class PointStopped(Exception):
+    """The point cannot go on; the message says why."""
 
-    def __init__(self, residual: float):
-        super().__init__(residual)
-        self.residual = residual
+
+class StressNotReached(PointStopped):
+    """No strain was found that gives the prescribed stress."""
 
 
 class MaterialPoint:
@@ -33,19 +33,27 @@ class MaterialPoint:
     def strain_by(self, increment: np.ndarray, dt: float, halvings: int = _MOST_HALVINGS) -> None:
         """Advance by a strain increment (6,) over `dt` s, without rotation; in halves where the law refuses that.
 
-        Raises StepRefused, with the point as it was at the last accepted part, if the law refuses small ones, too.
+        Raises PointStopped, with the point as it was before the part that did not work.
         """
         stress, state = self.stress.copy(), self.state.copy()
+        problem = ""
         try:
             self.material.compute_stress(self.stress, increment.reshape(1, 6).copy(), self.state, dt)
-        except StepRefused:
-            self.stress[:], self.state[:] = stress, state
-            if halvings == 0:
-                raise
-            for _ in range(2):
-                self.strain_by(0.5 * increment, 0.5 * dt, halvings - 1)
+        except StepRefused as refusal:
+            problem = f"the law refuses the strain, {refusal.reason}"
+        except UpdatesFailed as failure:
+            problem, halvings = f"the law failed, {failure.reason}", 0
         else:
+            if not (np.isfinite(self.stress).all() and np.isfinite(self.state).all()):
+                problem, halvings = f"the law gives stress {self.stress[0]} Pa, state {self.state[0]}", 0
+        if not problem:
             self.strain += increment
+            return
+        self.stress[:], self.state[:] = stress, state
+        if halvings == 0:
+            raise PointStopped(problem)
+        for _ in range(2):
+            self.strain_by(0.5 * increment, 0.5 * dt, halvings - 1)
 
     def deform(self, start: np.ndarray, end: np.ndarray, dt: float, substeps: int = 1) -> None:
         """Advance from the deformation gradient `start` to `end` (3, 3) over `dt` s.
@@ -97,7 +105,7 @@ class MaterialPoint:
                 break
             best, residual = new, new_residual
         if not np.abs(residual).max() <= _ACCEPTED * scale:
-            raise StressNotReached(float(np.abs(residual).max()))
+            raise StressNotReached
         increment[:] = best
         self.strain_by(best, dt)
 
@@ -107,7 +115,7 @@ class MaterialPoint:
         state = np.tile(self.state, (len(increments), 1))
         try:
             self.material.compute_stress(stress, increments.copy(), state, dt)
-        except StepRefused:
+        except (StepRefused, UpdatesFailed):
             if len(increments) == 1:
                 return np.full((1, len(unknown)), np.inf)
             return np.concatenate([self._residuals(i[None], unknown, target, dt) for i in increments])
@@ -128,4 +136,6 @@ class MaterialPoint:
         trials[count + np.arange(count), unknown] -= size
         residuals = self._residuals(trials, unknown, target, dt)
         tangent = (residuals[:count] - residuals[count:]).T / (2 * size)
+        if not (np.isfinite(tangent).all() and np.isfinite(residual).all()):
+            raise StressNotReached  # the law fails, or refuses to try
         return -np.linalg.lstsq(tangent, residual, rcond=_RANK)[0]

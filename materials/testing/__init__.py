@@ -37,13 +37,14 @@ class Report:
     """What was measured.
 
     cycle_energy: work of a closed cycle of strain, of a row's K strain^2. stiffness: the largest response to a small
-    strain, of that of the row's declared moduli; 1 for an elastic law.
+    strain, of that of the row's declared moduli; 1 for an elastic law. failures: updates in which rows stayed behind.
     """
 
     law: str
     dimension: int
     cycle_energy: float
     stiffness: float
+    failures: int
 
 
 def check_material(material: Material, dimension: int = 3, seed: int = 0, pressure: float = 1e4) -> Report:
@@ -70,4 +71,4 @@ def check_material(material: Material, dimension: int = 3, seed: int = 0, pressu
     response.check_components(rows)
     response.check_frame(rows, stress, state)
     stiffness = max(response.check_moduli(rows, *start) for start in ((rows.stress, rows.state), (stress, state)))
-    return Report(rows.law, dimension, response.check_cycle(rows), stiffness)
+    return Report(rows.law, dimension, response.check_cycle(rows), stiffness, rows.failures)

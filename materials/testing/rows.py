@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from periporo.core.points.material import Material, StepRefused, state_columns
+from periporo.core.points.material import Material, StepRefused, UpdatesFailed, state_columns
 from periporo.materials.testing.breaches import ModuliError, NonFiniteError, RefusalError, ShapeError
 
 ROWS = 24
@@ -15,6 +15,7 @@ class Rows:
     def __init__(self, material: Material, components: int, rng: np.random.Generator, pressure: float):
         self.material, self.components, self.rng = material, components, rng
         self.law = type(material).__name__
+        self.failures = 0  # updates that failed
         self.ids = np.stack([np.arange(ROWS), np.arange(ROWS) + 7], axis=1).astype(np.int64)
         self.volume = rng.uniform(0.5, 2.0, ROWS) * 1e-6
         compressed = np.zeros((ROWS, components))
@@ -52,6 +53,9 @@ class Rows:
         new_stress, new_state = stress.copy(), state.copy()
         try:
             self.material.compute_stress(new_stress, increment.copy(), new_state, dt)
+        except UpdatesFailed as failure:
+            self.check_rows(failure.rows, len(increment))
+            self.failures += len(failure.rows)
         except StepRefused as refusal:
             self._check_refusal(refusal, increment, halvings)
             halfway = self.after(stress, 0.5 * increment, state, 0.5 * dt, halvings - 1)
@@ -60,8 +64,7 @@ class Rows:
 
     def _check_refusal(self, refusal, increment, halvings):
         rows = refusal.rows
-        if not len(rows) or rows.min() < 0 or rows.max() >= len(increment):
-            raise RefusalError(f"{self.law} refuses rows {rows.tolist()} of {len(increment)}; give their indices")
+        self.check_rows(rows, len(increment))
         still = rows[~increment[rows].any(axis=1)]
         if len(still):
             raise RefusalError(
@@ -70,6 +73,11 @@ class Rows:
             )
         if halvings == 0:
             raise self._refused_for_good(refusal)
+
+    def check_rows(self, rows, count) -> None:
+        """Rows that are refused, or failed, are indices into the call's rows."""
+        if not len(rows) or rows.min() < 0 or rows.max() >= count:
+            raise RefusalError(f"{self.law} refuses rows {rows.tolist()} of {count}; give their indices in the call")
 
     def _refused_for_good(self, refusal):
         return RefusalError(

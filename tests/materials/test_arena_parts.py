@@ -9,6 +9,7 @@ from pydantic import ValidationError
 from scipy.integrate import solve_ivp
 
 from periporo.core.numerics import tensors
+from periporo.core.points.material import UpdatesFailed
 from periporo.core.scene.build import build
 from periporo.errors import InputError
 from periporo.io.input.load import parse_scene
@@ -405,13 +406,30 @@ def test_failed_update_restores_and_counts():
     before, kept = stress.copy(), state.copy()
     increment = np.zeros((1, 6))
     increment[0, 0] = np.nan
-    material.compute_stress(stress, increment, state, 1.0)
+    with pytest.raises(UpdatesFailed) as failure:
+        material.compute_stress(stress, increment, state, 1.0)
+    assert failure.value.rows.tolist() == [0]
     np.testing.assert_array_equal(stress, before)
     kept[0, 3] += 1
     np.testing.assert_array_equal(state, kept)
     increment[0, 0] = -1e-3
     material.compute_stress(stress, increment, state, 1.0)  # the row goes on
     assert stress[0, 0] < before[0, 0]
+
+
+def test_rows_that_fail_are_named_and_do_not_hold_up_the_others():
+    material = Arena()
+    stress, state = start(material, rows=40)
+    increment = np.zeros((40, 6))
+    increment[:, 0] = -1e-3
+    expected, its = stress[:1].copy(), state[:1].copy()
+    material.compute_stress(expected, increment[:1].copy(), its, 1.0)
+    increment[3::2, 1] = np.nan
+    with pytest.raises(UpdatesFailed, match="19 rows") as failure:
+        material.compute_stress(stress, increment, state, 1.0)
+    assert failure.value.rows.tolist() == list(range(3, 40, 2))
+    fine = np.setdiff1d(np.arange(40), failure.value.rows)
+    assert (stress[fine] == expected).all() and (state[fine] == its).all() and (stress[3::2] == 0.0).all()
 
 
 def test_merged_state_is_made_consistent_by_a_zero_increment():

@@ -2,19 +2,20 @@
 
 import argparse
 import sys
+from typing import ClassVar
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from periporo.core.numerics.tensors import equivalent_shear, mean, to_matrix
-from periporo.core.points.material import StateField, StepRefused
+from periporo.core.points.material import StateField, StepRefused, UpdatesFailed
 from periporo.errors import InputError
 from periporo.materials.arena import Arena
 from periporo.materials.cam_clay import CamClay
 from periporo.materials.drucker_prager import DruckerPrager
 from periporo.materials.elastic import Elastic
-from periporo.materials.laboratory.drive import add_arguments, drive, load_material, run
+from periporo.materials.laboratory.drive import DriveStopped, add_arguments, drive, load_material, run
 from periporo.materials.laboratory.paths import (
     STRAIN_COLUMNS,
     STRESS_COLUMNS,
@@ -58,12 +59,30 @@ def test_simple_shear_of_a_hypoelastic_solid(steps):
     assert np.max(np.abs(stresses(result) - exact)) < 0.6 * MU / steps**2
 
 
-def test_rows_far_apart_are_joined_by_a_straight_line():
-    """Simple shear to 2 in a single row."""
+def test_rows_far_apart_are_joined_by_stretch_and_rotation():
+    """Simple shear to 2 in a single row: sigma = 2 mu R ln(U) R^T, the stretches are exp(+-asinh(gamma/2))."""
     path = DeformationPath("shear", np.array([0.0, 1.0]), np.array([np.eye(3), [[1, 2, 0], [0, 1, 0], [0, 0, 1]]]))
-    result = stresses(drive(ELASTIC, path))[-1]
-    assert result[3] == pytest.approx(MU * np.sin(2.0), abs=3e-3 * MU)
-    assert result[0] == pytest.approx(MU * (1 - np.cos(2.0)), abs=3e-3 * MU)
+    result = stresses(drive(ELASTIC, path, 1))[-1]
+    size = 2 * MU * np.arcsinh(1.0) / np.sqrt(2.0)
+    np.testing.assert_allclose(result, [size, -size, 0, size, 0, 0], rtol=1e-12, atol=1e-6)
+
+
+@pytest.mark.parametrize("rows", [1, 2, 9])
+@pytest.mark.parametrize("angle", [90.0, 170.0])
+def test_turns_of_any_size_make_no_strain(rows, angle):
+    """A quarter turn, and nearly half a one, take -100 kPa along x with them, however few rows tell of it."""
+    turn = Rotation.from_euler("z", np.linspace(0.0, angle, rows + 1)[:, None], degrees=True).as_matrix()
+    start = np.array([-1e5, 0, 0, 0, 0, 0])
+    result = drive(ELASTIC, DeformationPath("turn", np.linspace(0.0, 1.0, rows + 1), turn), 10, start)
+    expected = turn[-1] @ to_matrix(start[None])[0] @ turn[-1].T
+    assert np.abs(to_matrix(stresses(result)[-1:])[0] - expected).max() < 1e-9 * 1e5
+    assert np.abs(strains(result)).max() < 1e-13
+
+
+def test_matter_that_is_turned_inside_out_is_refused():
+    gradient = np.array([np.eye(3), np.diag([1.0, -1.0, 1.0])])
+    with pytest.raises(InputError, match="row 1: the determinant of F must be positive"):
+        drive(ELASTIC, DeformationPath("mirror", np.array([0.0, 1.0]), gradient))
 
 
 def test_stretch_while_turning_is_the_stretch_turned():
@@ -181,12 +200,50 @@ def test_undrained_and_oedometer_and_isotropic_paths():
 
 
 def test_impossible_stress_is_an_error_with_its_place():
+    """It says how far the stress came: to the strength in compression, 1.1547 of the cohesion in simple shear."""
     clay = DruckerPrager.example().model_copy(update={"friction_angle": 0.0, "dilation_angle": 0.0})
-    target = np.zeros((3, 6))
-    target[:, 3] = [0.0, 500.0, 2e3]  # the strength is 1 kPa
-    path = StrainPath("shear", np.arange(3.0), target, np.array([False, False, False, True, False, False]))
-    with pytest.raises(InputError, match="row 2, time 2 s: the prescribed stress_xy cannot be reached"):
+    strength = 2e3 / np.sqrt(3.0)
+    target = np.zeros((4, 6))
+    target[:, 3] = [0.0, 500.0, 2e3, 3e3]
+    path = StrainPath("shear", np.arange(4.0), target, np.array([False, False, False, True, False, False]))
+    with pytest.raises(DriveStopped, match="shear, row 2, time 2 s: .* stress_xy came to .* of 2000 Pa") as stop:
         drive(clay, path)
+    came = float(str(stop.value).split("came to ")[1].split()[0])
+    assert 0.98 * strength < came <= strength * (1 + 1e-6)
+    assert stop.value.columns["stress_xy"].tolist() == pytest.approx([0.0, 500.0], rel=1e-9)
+
+
+class Failing(Elastic):
+    """Fails, or loses its numbers, beyond a strain of 2e-3."""
+
+    how: str = "fails"
+    state_fields: ClassVar[tuple] = (StateField("strain_xx", "1"),)
+
+    def initial_state(self, stress, ids, volume):
+        return np.zeros((len(stress), 1))
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        state += strain_increment[:, :1]
+        super().compute_stress(stress, strain_increment, state, dt)
+        over = np.flatnonzero(state[:, 0] > 2e-3)
+        if len(over) and self.how == "fails":
+            raise UpdatesFailed(over, "too far")
+        if self.how == "nan":
+            stress[over] = np.nan
+
+
+@pytest.mark.parametrize(("how", "words"), [("fails", "the law failed, too far"), ("nan", "the law gives stress")])
+def test_a_law_that_fails_ends_the_path_with_status_3(tmp_path, capsys, monkeypatch, how, words):
+    monkeypatch.setattr("periporo.materials.registry.load", lambda name: Failing)
+    material = written(tmp_path, MATERIAL + f"how: {how}\n", "material.yaml")
+    path = written(tmp_path, "time_s,strain_xx\n0,0\n1,1e-3\n2,1.9e-3\n3,3e-3\n4,4e-3\n", "pull.csv")
+    assert run(arguments(material, path, "-o", tmp_path / "out")) == 3
+    error = capsys.readouterr().err
+    assert f"pull, row 3, time 3 s: {words}" in error and "ends before that row" in error
+    rows = (tmp_path / "out" / "pull.csv").read_text().splitlines()
+    assert len(rows) == 4 and "nan" not in "".join(rows)
+    assert float(rows[-1].split(",")[1]) == 1.9e-3
+    assert (tmp_path / "out" / "pull_stress_strain.png").exists()
 
 
 class Cautious(Elastic):

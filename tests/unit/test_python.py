@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 import periporo
+from periporo.core.points.material import UpdatesFailed
 from periporo.core.points.probes import Probes
 from periporo.core.watch.watchdog import WatchdogError
+from periporo.materials.elastic import Elastic
 
 
 def test_importing_periporo_imports_nothing_else_and_touches_no_file(tmp_path):
@@ -101,6 +103,24 @@ def test_a_run_has_the_watchdog(scene_of, tmp_path, monkeypatch):
 
     with pytest.raises(WatchdogError, match="point 0 .* is not a number"):
         periporo.run(scene_of(), "broken.h5", quiet=True, callbacks=[(3, break_it)])
+
+
+def test_updates_that_fail_are_told_at_the_end(scene_of, tmp_path, monkeypatch, capsys):
+    advance, failures = Elastic.compute_stress, [2, 1]
+
+    def forget(self, stress, strain_increment, state, dt):
+        advance(self, stress, strain_increment, state, dt)
+        if failures and strain_increment.any():
+            raise UpdatesFailed(np.arange(failures.pop()))
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Elastic, "compute_stress", forget)
+    with periporo.open_results(periporo.run(scene_of(), "fall.h5")) as results:
+        assert results.attributes["failed_updates"] == 3
+    assert "3 updates of laws failed: those rows kept their stress" in capsys.readouterr().out
+    with periporo.open_results(periporo.run(scene_of(), "sound.h5")) as results:
+        assert results.attributes["failed_updates"] == 0
+    assert "of laws failed" not in capsys.readouterr().out
 
 
 def test_results_as_xarray(scene_of, tmp_path, monkeypatch):

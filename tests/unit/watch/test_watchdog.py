@@ -8,7 +8,7 @@ import pytest
 from periporo.core.bonds.bonds import RefusedStep
 from periporo.core.loads.boundary import Gravity
 from periporo.core.motion.stages import DynamicsStage
-from periporo.core.points.material import StepRefused
+from periporo.core.points.material import StepRefused, UpdatesFailed
 from periporo.core.watch.watchdog import (
     MOST_RETRIES,
     STRAIN_JUMP,
@@ -200,6 +200,25 @@ def test_without_a_watchdog_a_refusal_is_an_error(cloud, grid, last):
     with pytest.raises(RefusedStep, match="refused by Reluctant: it bears 3e-05. The time step is too long"):
         sim.run()
     assert sim.step_number == 1
+
+
+class Forgetful(Elastic):
+    """Forgets two rows in every call with some strain."""
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        super().compute_stress(stress, strain_increment, state, dt)
+        if strain_increment.any():
+            raise UpdatesFailed([0, 5])
+
+
+def test_failed_updates_are_counted_but_not_in_steps_that_are_taken_back(cloud, grid, tmp_path):
+    gravity, position = [Gravity(np.array([0.0, -10.0]))], grid(8, 6, spacing=SPACING)
+    law = Forgetful(**Elastic.example().model_dump())
+    sim = cloud(position, laws=[law], velocity=stretching(position, 0.1), loads=gravity, fixed=2e-5)
+    sim.stages = [DynamicsStage("fall", loads=gravity, duration=20 * 2e-5)]
+    guarded(sim, tmp_path, Saboteur(nan_velocity, at=9))
+    sim.run()
+    assert sim.step_number == 40 and sim.failed_updates() == 2 * 40
 
 
 def test_a_lasting_fault_is_reported(flight, tmp_path):
