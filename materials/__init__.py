@@ -1,10 +1,10 @@
 """Constitutive laws, and all that the author of one needs: this address does not move, whatever lies behind it.
 
-A law is a `Material` with `StateField`s, and may raise `StepRefused` or `UpdatesFailed`; `MaterialParameters` gives its parameters bounds,
-units and error messages; `COMPONENTS`, `INDEX_PAIRS`, `component_count`, `dimension_of`, `to_matrix` and `from_matrix`
-are the order of tensor components; `kernel` and `inlined` compile loops over rows; `check_material` is the conformance
-kit; `drive` takes one point along a path that `built_in_path` or `read_path` makes. Importing the package costs
-nothing: names are loaded when they are asked for.
+A law is a `Material` with `StateField`s, and may raise `StepRefused` or `UpdatesFailed`; `MaterialParameters` gives
+its parameters bounds, units and error messages; `COMPONENTS`, `INDEX_PAIRS`, `component_count`, `dimension_of`,
+`to_matrix` and `from_matrix` are the order of tensor components; `kernel` and `inlined` compile loops over rows;
+`check_material` is the conformance kit; `drive` takes one point along a path that `built_in_path` or `read_path`
+makes. Importing the package costs nothing: names are loaded when they are asked for.
 """
 
 from typing import TYPE_CHECKING
@@ -44,7 +44,8 @@ else:
     })  # fmt: skip
 
 __all__ = [
-    "BONDING", "COMPONENTS", "DriveStopped", "FrictionAngles", "INDEX_PAIRS", "Material", "MaterialParameters", "NonConformance",
-    "StateField", "StepRefused", "UpdatesFailed", "built_in_path", "check_material", "component_count", "dimension_of",
-    "drive", "from_matrix", "inlined", "kernel", "read_path", "state_columns", "to_matrix",
+    "BONDING", "COMPONENTS", "DriveStopped", "FrictionAngles", "INDEX_PAIRS", "Material", "MaterialParameters",
+    "NonConformance", "StateField", "StepRefused", "UpdatesFailed", "built_in_path", "check_material",
+    "component_count", "dimension_of", "drive", "from_matrix", "inlined", "kernel", "read_path", "state_columns",
+    "to_matrix",
 ]  # fmt: skip

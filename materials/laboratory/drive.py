@@ -54,8 +54,8 @@ def drive(
     Each row is reached in `substeps` steps. The initial stress (6,) Pa is that of the argument, else the path's own,
     else zero.
 
-    Raises `InputError` if path and start do not suit, `DriveStopped`, with the rows so far, if the law fails or refuses a
-    strain, gives a number that is not finite, or does not reach a prescribed stress.
+    Raises `InputError` if path and start do not suit, `DriveStopped`, with the rows so far, if the law fails or
+    refuses a strain, gives a number that is not finite, or does not reach a prescribed stress.
 
     >>> from periporo.materials import built_in_path
     >>> from periporo.materials.elastic import Elastic
