@@ -2,20 +2,31 @@
 
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, field_validator
+from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 
-LARGEST = 1e13
-"""Largest size of a parameter in SI units: fifty times the stiffness of steel."""
+LARGEST = {"Pa": 1e13, "kg/m^3": 1e6, "deg": 360.0}
+"""Largest size of a parameter by its unit: fifty times the stiffness of steel, fifty times the density of gold."""
+
+LARGEST_OF_OTHERS = 1e60
+"""Largest size in any other unit, such as the Pa^3 s of a viscosity: products of a few stay numbers."""
 
 
 class MaterialParameters(BaseModel):
-    """Strict and immutable parameters; unknown keys, NaN, wrong types and sizes over `LARGEST` are errors."""
+    """Strict and immutable parameters; unknown keys, NaN, wrong types and impossible sizes are errors.
+
+    A parameter's unit stands in its field: `Field(json_schema_extra={"unit": "Pa"})`. It bounds the size.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
     @field_validator("*")
     @classmethod
-    def _has_a_sane_size(cls, value: Any) -> Any:
-        if isinstance(value, int | float) and abs(value) > LARGEST:
-            raise ValueError(f"must be at most {LARGEST:g} in size, not {value:.10g}")
+    def _has_a_sane_size(cls, value: Any, info: ValidationInfo) -> Any:
+        if not isinstance(value, int | float):
+            return value
+        extra = cls.model_fields[info.field_name].json_schema_extra
+        unit = extra.get("unit", "") if isinstance(extra, dict) else ""
+        largest = LARGEST.get(unit, LARGEST_OF_OTHERS)
+        if abs(value) > largest:
+            raise ValueError(f"must be at most {largest:g} {unit}".rstrip(" 1") + f" in size, not {value:.10g}")
         return value

@@ -5,6 +5,7 @@ import random
 from pathlib import Path
 
 import pytest
+from pydantic import Field
 
 from periporo.errors import SCREEN_LINES, SCREEN_WIDTH, InputError, dotted
 from periporo.io.input.load import load_scene
@@ -76,8 +77,21 @@ def test_a_scene_cut_short_is_refused_or_valid(tmp_path, scene):
     assert all(problems is not None for problems in outcomes[:-20])
 
 
-def test_a_parameter_beyond_reason_is_refused():
+class Creeping(Elastic):
+    """A law of somebody else, with units of its own."""
+
+    creep: float = Field(json_schema_extra={"unit": "Pa^3 s"})
+    number: float = 0.0
+
+
+def test_a_parameter_beyond_reason_is_refused_by_its_unit():
     example = Elastic.example().model_dump()
-    assert Elastic(**example | {"bulk_modulus": LARGEST}).bulk_modulus == LARGEST
-    with pytest.raises(ValueError, match="at most 1e\\+13 in size, not 1.1e\\+13"):
-        Elastic(**example | {"bulk_modulus": 1.1 * LARGEST})
+    largest = LARGEST["Pa"]
+    assert Elastic(**example | {"bulk_modulus": largest}).bulk_modulus == largest
+    with pytest.raises(ValueError, match="at most 1e\\+13 Pa in size, not 1.1e\\+13"):
+        Elastic(**example | {"bulk_modulus": 1.1 * largest})
+    with pytest.raises(ValueError, match="density\n.*at most 1e\\+06 kg/m\\^3 in size"):
+        Elastic(**example | {"density": 2e6})
+    assert Creeping(**example, creep=1e40, number=-1e20).creep == 1e40
+    with pytest.raises(ValueError, match="at most 1e\\+60 Pa\\^3 s in size"):
+        Creeping(**example, creep=1e61)
