@@ -9,7 +9,7 @@ RUNS = [(case, scheme) for case in CASES for scheme in case.schemes]
 
 @pytest.mark.parametrize("case, scheme", RUNS, ids=[f"{c.name}-{c.function.__name__}-{s}" for c, s in RUNS])
 def test_case(case, scheme):
-    """Figures with a target meet it; the full sizes are in docs/reference/verification_figures.md."""
+    """Figures with a target meet it; the full sizes are in docs/reference/verification."""
     figures = case.run(full=False, scheme=scheme)
     assert any(figure.target != "recorded" for figure in figures)
     missed = [f"{f.what}: {f.value:.4g}, not {f.target}" for f in figures if not f.met]
