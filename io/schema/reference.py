@@ -2,6 +2,7 @@
 
 import json
 import re
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ from periporo.io.schema.parameters import REQUIRED, Parameter, first_sentence, l
 from periporo.io.schema.scene import scene_json_schema
 from periporo.materials import registry
 
+_WIDTH = 120  # of a line
 _MADE = "Made by `periporo schema --markdown FOLDER` from the models that check the input; do not edit it by hand.\n"
 _INTRODUCTION = """A scene is YAML in SI units; tension is positive. What stands under "allowed" is enforced: all else
 is refused with the line, before anything is allocated. `dimension` numbers are two or three, as the scene has
@@ -66,49 +68,62 @@ def _put_units_into_descriptions(node: Any) -> None:
 
 def input_reference() -> str:
     """The input reference in Markdown, on one page: the scene, what its keys refer to, and the built-in laws."""
-    text = "\n".join(part for sections in _sections().values() for part in sections.values())
-    return f"# Input reference\n\n{_MADE}\n{_INTRODUCTION}\n{_linked(text)}"
+    text = "\n".join(_text(names) for names in _definitions().values())
+    return f"# Input reference\n\n{_MADE}\n{_INTRODUCTION}\n{text}"
 
 
 def input_pages() -> dict[str, str]:
     """The same on several pages, by their names; a link leads to the page that has its section."""
-    pages = _sections()
-    home = {name: page for page, sections in pages.items() for name in sections}
+    pages = _definitions()
+    home = {name: f"{page}.md" for page, names in pages.items() for name in names}
     texts = {}
-    for page, sections in pages.items():
-        text = _linked("\n".join(sections.values()), {n: f"{home[n]}.md" for n in home if home[n] != page})
+    for page, names in pages.items():
+        text = _text(names, {name: place for name, place in home.items() if name not in names})
         how = _INTRODUCTION if page == "scene" else "[The scene](scene.md) says how to read the tables.\n"
         texts[page] = f"# Input reference: {_PAGES[page][0]}\n\n{_MADE}\n{how}\n{text}".rstrip("\n") + "\n"
     return texts
 
 
-def _sections() -> dict[str, dict[str, str]]:
-    """Sections of each page by the definition that they describe; links to a definition stand as `<Name>`."""
+def _definitions() -> dict[str, list[str]]:
+    """The definitions that each page describes, in order; "Scene" is the scene itself."""
     schema = scene_json_schema()
     page_of = {key: page for page, (_, keys) in _PAGES.items() for key in keys}
-    pages: dict[str, dict[str, str]] = {page: {} for page in _PAGES}
-    pages["scene"][""] = f"## The scene\n\n{_table(parameters_of(schema))}"
+    pages: dict[str, list[str]] = {page: [] for page in _PAGES}
+    pages["scene"].append("Scene")
     found = {"MaterialInput"}
     for parameter in parameters_of(schema):
-        for name in _order(parameter.refers, schema):
-            if name not in found:
-                node = schema["$defs"][name]
-                text = f"## {_heading(name)}\n\n{node['description']}\n\n{_table(parameters_of(node))}"
-                pages[page_of.get(parameter.name, "scene")][name] = text
-                found.add(name)
-    pages["materials"]["MaterialInput"] = _laws()
+        fresh = [name for name in _order(parameter.refers, schema) if name not in found]
+        pages[page_of.get(parameter.name, "scene")] += fresh
+        found |= set(fresh)
+    pages["materials"].append("MaterialInput")
     return pages
 
 
-def _laws() -> str:
+def _text(names: list[str], page_of: dict[str, str] | None = None) -> str:
+    """The sections of definitions, with links to others, on another page where `page_of` names one."""
+    schema, page_of = scene_json_schema(), page_of or {}
+    parts = []
+    for name in names:
+        if name == "Scene":
+            parts.append(f"## The scene\n\n{_table(parameters_of(schema), page_of)}")
+        elif name == "MaterialInput":
+            parts.append(_laws(page_of))
+        else:
+            node = schema["$defs"][name]
+            table = _table(parameters_of(node), page_of)
+            parts.append(f"## {_heading(name)}\n\n{_wrapped(node['description'])}\n\n{table}")
+    return "\n".join(parts)
+
+
+def _laws(page_of: dict[str, str]) -> str:
     """The section on the keys of the built-in laws."""
     parts = ["## Materials\n", "An entry of `materials` has the key `model` and those of the law that it names.\n"]
     for name in sorted(registry.available()):
         law = registry.load(name)
         if law.__module__.startswith("periporo."):
             node = law_schema(law)
-            description = " ".join(node.get("description", "").split("\n\n")[0].split())
-            parts += [f"### `model: {name}`\n", f"{description}\n", _table(parameters_of(node))]
+            description = _wrapped(node.get("description", "").split("\n\n")[0])
+            parts += [f"### `model: {name}`\n", f"{description}\n", _table(parameters_of(node), page_of)]
     return "\n".join(parts)
 
 
@@ -132,25 +147,43 @@ def _heading(name: str) -> str:
     return re.sub(r"(?<=[a-z])([A-Z])", lambda m: f" {m[0].lower()}", name)
 
 
-def _linked(text: str, page_of: dict[str, str] | None = None) -> str:
-    """`<PlaneContact>` as a link to its section, on another page where `page_of` names one."""
+def _linked(text: str, page_of: dict[str, str]) -> str:
+    """`<PlaneContact>` as a link to its section."""
 
     def link(match):
         name = match[1]
         word = "material" if name == "MaterialInput" else _heading(name).lower()
         anchor = "materials" if name == "MaterialInput" else word.replace(" ", "-")
-        return f"[{word}]({(page_of or {}).get(name, '')}#{anchor})"
+        return f"[{word}]({page_of.get(name, '')}#{anchor})"
 
     return re.sub(r"<([A-Z]\w+)>", link, text)
 
 
-def _table(parameters: list[Parameter]) -> str:
-    lines = ["| key | meaning | unit | allowed | default |", "|---|---|---|---|---|"]
+def _wrapped(text: str, indent: str = "") -> str:
+    """Paragraphs of text in lines of a window's width."""
+    options = {"subsequent_indent": indent, "break_long_words": False, "break_on_hyphens": False}
+    return "\n\n".join(textwrap.fill(" ".join(part.split()), _WIDTH, **options) for part in text.split("\n\n"))
+
+
+def _table(parameters: list[Parameter], page_of: dict[str, str]) -> str:
+    """A row for each parameter; what makes a row too wide for a window stands below the table."""
+    lines, notes = ["| key | meaning | unit | allowed | default |", "|---|---|---|---|---|"], []
     for p in parameters:
         default = p.default if p.default in (REQUIRED, "") else f"`{p.default}`"
-        cells = (f"`{p.name}`", p.meaning, p.unit, p.allowed, default)
-        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
-    return "\n".join(lines) + "\n"
+        cells = {"meaning": p.meaning, "allowed": _linked(p.allowed, page_of)}
+        moved = {}
+        for kind in sorted(cells, key=lambda kind: -len(cells[kind])):
+            if len(_row(p.name, cells["meaning"], p.unit, cells["allowed"], default)) > _WIDTH:
+                moved[kind], cells[kind] = cells[kind], "see below"
+        lines.append(_row(p.name, cells["meaning"], p.unit, cells["allowed"], default))
+        if moved:
+            said = [moved[kind] if kind == "meaning" else f"allowed: {moved[kind]}" for kind in cells if kind in moved]
+            notes.append(_wrapped(f"- `{p.name}`: {'; '.join(said)}.", "  "))
+    return "\n".join([*lines, "", *notes] if notes else lines) + "\n"
+
+
+def _row(name: str, *cells: str) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in (f"`{name}`", *cells)) + " |"
 
 
 def add_arguments(parser):
