@@ -164,7 +164,7 @@ def main(words=None):
         for name, iterations in (("tilt", None), ("tilt, 5", 5), ("tilt, 20", 20)):
             q = tilted(cloud, iterations)
             rows.setdefault(name, []).append((cloud.error(cloud.share, cloud.gradient(q)), cloud, cloud.share, q))
-    errors = " | ".join(f"error, h = 1/{n}" for n in resolutions)
+    errors = " | ".join(f"h = 1/{n}" for n in resolutions)
     lines = [f"| bonds | {errors} | order | imbalance | smallest share | tilt |"]
     lines.append("|---" * (len(resolutions) + 5) + "|")
     for name, results in rows.items():

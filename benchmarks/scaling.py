@@ -128,8 +128,7 @@ def count(arguments):
 
 def sweep(arguments):
     """`count` on 1 to 16 ranks, as rows of a table: strong scaling, or weak with --points on each rank."""
-    print("| ranks | points | neighbours | messages per step (model) | ghosts (model) | kB per step (model) | "
-          "pairs, largest over mean | over an even share (model) | rebuilds per step | state, B per point |\n"
+    print("| ranks | points | neighbours | messages | ghosts | kB | imbalance | work | rebuilds | state |\n"
           "|---|---|---|---|---|---|---|---|---|---|")  # fmt: skip
     for ranks in arguments.ranks:
         side = round(arguments.points ** (1 / arguments.dimension))

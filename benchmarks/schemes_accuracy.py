@@ -10,6 +10,7 @@ stable scheme is not met.
 """
 
 import json
+import re
 import sys
 import time
 from dataclasses import asdict
@@ -50,13 +51,14 @@ def figures_of(case, scheme, full, folder):
 
 def table(results) -> list[str]:
     """Lines of the table of {(case, scheme): figures}: a row for each figure, a column for each scheme."""
-    lines = [f"| case | figure | target | {' | '.join(SCHEMES)} |", "|---" * (3 + len(SCHEMES)) + "|"]
+    short = {"point_state, sharpened": "sharpened", "sub_horizon_published": "published"}
+    lines = [f"| case | figure | {' | '.join(short.get(s, s) for s in SCHEMES)} |", "|---" * (2 + len(SCHEMES)) + "|"]
     for case in dict.fromkeys(case for case, _ in results):
         columns = {s: results.get((case, s), []) for s in SCHEMES}
         rows = max((f for f in columns.values() if not isinstance(f, str)), key=len)
         for k, figure in enumerate(rows):
             cells = [_cell(columns[s], k, figure.target) for s in SCHEMES]
-            lines.append(f"| {case.name} | {figure.what} | {figure.target} | {' | '.join(cells)} |")
+            lines.append(f"| {case.name} | {figure.what.removesuffix(', relative')} | {' | '.join(cells)} |")
     return lines
 
 
@@ -65,7 +67,9 @@ def _cell(figures, k, target):
         return "no equilibrium"
     if k >= len(figures):
         return ""
-    value = f"{figures[k].value:.3g}"
+    value = figures[k].value
+    value = f"{value:.2e}" if 0 < abs(value) < 1e-3 else f"{value:.3g}"
+    value = re.sub(r"e\+?(-?)0?", r"e\1", value)  # 1e-05 as 1e-5, 1e+10 as 1e10
     return value if target == "recorded" or figures[k].met else f"**{value}**"
 
 
