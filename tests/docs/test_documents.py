@@ -300,6 +300,12 @@ def test_pages_can_be_read(page):
         assert len(line) <= 120, f"{page}, line {number}: {len(line)} characters; a table may need notes below it"
 
 
+@pytest.mark.parametrize("page", [p for p in PAGES if p.parts[-2] in ("tutorials", "how-to", "explanation", "schemes")],
+                         ids=identity)  # fmt: skip
+def test_a_page_knows_its_reader(page):
+    assert re.match(r"# .+\n\nFor \w+ |```\{include\}", page.read_text()), f"{page}: begin with 'For readers who ...'"
+
+
 def test_every_page_is_in_the_table_of_contents():
     text = (ROOT / "docs" / "index.md").read_text()
     for page in PAGES[len(FRONT) :]:
