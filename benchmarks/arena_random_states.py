@@ -38,6 +38,7 @@ def run(total, seed=0, tolerance=1e-3):
         material = Arena(
             initial_saturation=saturation,
             BETA=float(rng.uniform(0.3, 2.0)),
+            BETA_above_1="allow",
             CR=float(rng.uniform(0.05, 0.95)),
             p1_sat=float(rng.choice([1.0, 0.3])),
             T1=0.0,

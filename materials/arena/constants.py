@@ -59,7 +59,8 @@ class Surface(NamedTuple):
     a4: float
     peak: float
     cap_ratio: float
-    flow: float  # 3/2 BETA^2
+    flow: float  # 3/2 BETA^2, where soil compacts
+    opening: float  # the same where it dilates
 
 
 class Strength(NamedTuple):
@@ -77,6 +78,7 @@ class Strength(NamedTuple):
     time_at_failure: float
     cap_ratio: float
     flow: float
+    opening: float
 
 
 class Control(NamedTuple):
@@ -88,6 +90,7 @@ class Control(NamedTuple):
     relaxation_time: float  # T1
     relaxation_power: float  # T2
     damage: bool
+    damage_on_cap: bool
 
 
 def pack(constants: NamedTuple) -> np.ndarray:
@@ -125,16 +128,16 @@ def unpack_pores(a):
 @inlined
 def unpack_surface(a):
     """`Surface` from its array."""
-    return Surface(a[0], a[1], a[2], a[3], a[4], a[5], a[6])
+    return Surface(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7])
 
 
 @inlined
 def unpack_strength(a):
     """`Strength` from its array."""
-    return Strength(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11])
+    return Strength(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12])
 
 
 @inlined
 def unpack_control(a):
     """`Control` from its array."""
-    return Control(a[0], a[1], a[2], a[3], a[4], a[5] != 0.0)
+    return Control(a[0], a[1], a[2], a[3], a[4], a[5] != 0.0, a[6] != 0.0)

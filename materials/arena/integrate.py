@@ -14,7 +14,7 @@ from periporo.core.numerics.jit import inlined
 from periporo.materials.arena.elasticity import fluid_stiffens, moduli, pore_fluid
 from periporo.materials.arena.pores import harden
 from periporo.materials.arena.returns import backward_euler, crossing
-from periporo.materials.arena.surface import holds, is_clear, weakened_surface
+from periporo.materials.arena.surface import branch, holds, is_clear, weakened_surface
 
 _GAMMA = 1.0 - math.sqrt(0.5)  # stage length that makes the two stages second order and L-stable
 _EXTRAPOLATION = (1.0 - 2.0 * _GAMMA) / _GAMMA  # from the end of stage one to where stage two starts
@@ -75,8 +75,13 @@ def _two_stages(c, y_stage, y, bulk, shear, state, tr, e1, e2, guess):
 
 
 @inlined
-def _yielding_share(bulk, shear, start, end, tr, e1, e2):
-    """|plastic strain increment| / |strain increment| of a substep, at most 1."""
+def _aging_share(control, y, bulk, shear, start, end, tr, e1, e2):
+    """Share of a substep's time that damages: |plastic strain increment| / |strain increment|, at most 1.
+
+    None where it ends on the cap, unless that counts, too.
+    """
+    if not control.damage_on_cap and end[0] + 3.0 * end[4] < branch(y, end[5]):
+        return 0.0
     i1 = start[0] + 3.0 * bulk * tr - end[0]
     u = start[1] + 2.0 * shear * e1 - end[1]
     w = start[2] + 2.0 * shear * e2 - end[2]
@@ -97,12 +102,12 @@ def _plastic_substep(m, c, control, strength, y, factor, growth, dt, k0, g0, sta
     x = first[3] - state[3]
     y_stage = y_end = y
     if control.damage:
-        rise = dt * _yielding_share(k0, g0, state, first, tr, e1, e2)
+        rise = dt * _aging_share(control, y, k0, g0, state, first, tr, e1, e2)
         y_stage = weakened_surface(strength, factor, growth + _GAMMA * rise)
         y_end = weakened_surface(strength, factor, growth + rise)
     end = _two_stages(c, y_stage, y_end, bulk, shear, state, tr, e1, e2, x)
     if control.damage:
-        growth += dt * _yielding_share(bulk, shear, state, end, tr, e1, e2)
+        growth += dt * _aging_share(control, y_end, bulk, shear, state, end, tr, e1, e2)
     error = _error(first, end, control.stress_scale) / control.tolerance
     change = abs(k1 - k0) / (_MODULUS_CHANGE * max(k0, k1))
     compaction = (end[3] - state[3]) / (_COMPACTION_SHARE * (c.p3 - state[3]))

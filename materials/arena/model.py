@@ -103,6 +103,11 @@ class Arena(ArenaParameters):
         water = self.initial_saturation * pore_space.water_volume(pores, 0.0)[0]
         return pores._replace(open_volume=air + water, open_saturation=water / (air + water))
 
+    @property
+    def _flow(self) -> tuple[float, float]:
+        """3/2 BETA^2 where soil compacts, and where it dilates."""
+        return 1.5 * self.BETA**2, 1.5 * (self.BETA**2 if self.BETA_acts_on == "surface" else 1.0)
+
     @cached_property
     def _strength(self) -> Strength:
         return Strength(
@@ -110,14 +115,14 @@ class Arena(ArenaParameters):
             float(self.fspeed),
             float(self.time_at_failure),
             float(self.CR),
-            1.5 * self.BETA**2,
+            *self._flow,
         )
 
     @cached_property
     def _surface(self) -> Surface:
         """Surface of a row without damage and variability."""
         a = coefficients(*(float(v) for v in self.intact_strength()))
-        return Surface(*a, float(self.PEAKI1), float(self.CR), 1.5 * self.BETA**2)
+        return Surface(*a, float(self.PEAKI1), float(self.CR), *self._flow)
 
     @cached_property
     def _packed(self) -> tuple[np.ndarray, ...]:
@@ -129,6 +134,7 @@ class Arena(ArenaParameters):
             float(self.T1),
             float(self.T2),
             self.do_damage,
+            self.damage_grows_on == "surface",
         )
         parts = (self._elasticity, self._pores, self._surface, self._strength, control)
         return tuple(pack(part) for part in parts)
@@ -197,7 +203,7 @@ class Arena(ArenaParameters):
     def friction_angles(self, dimension: int, factor: float = 1.0) -> FrictionAngles:
         """The angles of the shear limit at low pressure, of a row with strength `factor`."""
         slope = factor * self.intact_strength()[1]
-        return angles_of_cone(3.0 * slope, 3.0 * self.BETA**2 * slope)
+        return angles_of_cone(3.0 * slope, 2.0 * self._flow[1] * slope)
 
     def doubts(self, stress: np.ndarray, state: np.ndarray) -> dict[str, str]:
         """What looks wrong about the parameters and the rows' strength, by subject."""

@@ -42,6 +42,12 @@ class ArenaParameters(MaterialParameters):
     STREN: float = _field(1e7, "shear strength at high pressure", "Pa", ge=0)
     YSLOPE: float = _field(0.31, "slope of the shear limit at high pressure", ge=0)
     BETA: float = _field(1.0, "non-associativity; 1 is associative", gt=0)
+    BETA_acts_on: Literal["surface", "cap"] = _field(
+        "surface", "flow that BETA scales: on the whole surface, or on the cap alone, where soil compacts"
+    )
+    BETA_above_1: Literal["refuse", "allow"] = _field(
+        "refuse", "on the whole surface BETA > 1 creates energy where soil dilates under pressure"
+    )
     CR: float = _field(0.5, "share of the surface that the cap takes", gt=0, lt=1)
     T1: float = _field(5e-5, "relaxation time at a strain rate of 1/s", "s", ge=0)
     T2: float = _field(0.5, "exponent of the relaxation time", ge=0)
@@ -49,6 +55,9 @@ class ArenaParameters(MaterialParameters):
     do_damage: bool = _field(False, "let the strength fade with the time spent yielding (Kayenta)")
     fspeed: float = _field(7.0, "speed of failure", gt=0)
     time_at_failure: float = _field(800e-6, "time of yielding until half the strength is gone", "s", gt=0)
+    damage_grows_on: Literal["shear_limit", "surface"] = _field(
+        "shear_limit", "yielding that counts: on the shear limit alone, or on the cap, too"
+    )
     failed_PEAKI1: float | None = _field(None, "PEAKI1 of the failed soil; 1e-5 Pa", "Pa", ge=0)
     failed_FSLOPE: float | None = _field(None, "FSLOPE of the failed soil; half of FSLOPE", ge=0)
     failed_STREN: float | None = _field(None, "STREN of the failed soil; a tenth of STREN", "Pa", ge=0)
@@ -116,6 +125,11 @@ class ArenaParameters(MaterialParameters):
             raise ValueError(
                 f"nu1 = {self.nu1} and nu2 = {self.nu2}: Poisson's ratio lies between nu1 and nu1 + nu2, "
                 "which must stay above -1 and below 0.5"
+            )
+        if self.BETA > 1.0 and self.BETA_acts_on == "surface" and self.BETA_above_1 == "refuse":
+            raise ValueError(
+                f"BETA = {self.BETA} exceeds 1: on the shear limit soil would dilate by more than BETA^2 times the "
+                "associated flow and create energy; choose BETA_acts_on: cap, or insist with BETA_above_1: allow"
             )
         kind = surface_kind(*self.intact_strength())
         if not self.do_damage:

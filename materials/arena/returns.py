@@ -3,7 +3,8 @@
 Unknown x = increment of the volumetric plastic strain (compaction positive). Pore pressure and strength
 are functions of it, so hardening is exact and no closest-point search is needed:
 I1_eff(x) = I1_trial + 3 K x + 3 p(x), sqrt J2 = F(I1_eff; X_eff(x)), and normality in the plane
-(z, r' = BETA r sqrt(3K/2G)) is R(x) = x G F - 3/2 BETA^2 (F^2)_,I1 (q_trial - F) = 0 with q = sqrt J2.
+(z, r' = BETA r sqrt(3K/2G)) is R(x) = x G F - 3/2 BETA^2 (F^2)_,I1 (q_trial - F) = 0 with q = sqrt J2. Where BETA acts
+on the cap alone it is 1 where (F^2)_,I1 < 0: soil dilates there.
 """
 
 import math
@@ -27,8 +28,9 @@ def _normality(y, shear, x, q, i1, di1, strength, dstrength):
     f = math.sqrt(square)
     df = (d1 * di1 + dx * dstrength) / (2.0 * f)
     gap = q - f
-    residual = x * shear * f - y.flow * d1 * gap
-    slope = shear * (f + x * df) - y.flow * ((d11 * di1 + d1x * dstrength) * gap - d1 * df)
+    flow = y.flow if d1 > 0.0 else y.opening
+    residual = x * shear * f - flow * d1 * gap
+    slope = shear * (f + x * df) - flow * ((d11 * di1 + d1x * dstrength) * gap - d1 * df)
     if gap < 0.0:  # the surface has left the trial state behind: too much plastic strain
         residual = math.copysign(abs(residual) + 1e-300, x)
     return residual, slope, f, df
@@ -111,7 +113,7 @@ def plastic_return(c, y, bulk, shear, i1, q, evp, pressure, strength, guess, tol
             return x, min(f, q), p, end_strength
         limit, slope, _ = shear_limit(y, y.peak)
         limit = max(limit, 0.0)
-        if x * shear - 2.0 * y.flow * slope * max(q - limit, 0.0) <= 0.0:
+        if x * shear - 2.0 * y.opening * slope * max(q - limit, 0.0) <= 0.0:
             return x, min(q, limit), p, end_strength
         target = SURFACE  # the trial is not in the cone of the vertex
 

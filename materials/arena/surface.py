@@ -31,7 +31,7 @@ def weakened_surface(y, factor, growth_time):
     stren = factor * (c * y.stren + d * y.failed_stren)
     yslope = factor * (c * y.yslope + d * y.failed_yslope)
     a1, a2, a3, a4 = coefficients(peak, fslope, stren, yslope)
-    return Surface(a1, a2, a3, a4, peak, y.cap_ratio, y.flow)
+    return Surface(a1, a2, a3, a4, peak, y.cap_ratio, y.flow, y.opening)
 
 
 @inlined
@@ -56,12 +56,18 @@ def shear_limit(y, i1):
 
 
 @inlined
+def branch(y, strength):
+    """kappa, the effective I1 where the cap begins; strength X_eff."""
+    return y.peak - y.cap_ratio * (y.peak - strength)
+
+
+@inlined
 def squared_limit(y, i1, strength):
     """F^2 at effective I1 for the strength X_eff; 0 beyond the nose of the cap and beyond the vertex."""
     if i1 <= strength or i1 > y.peak:
         return 0.0
     ff = shear_limit(y, i1)[0]
-    kappa = y.peak - y.cap_ratio * (y.peak - strength)
+    kappa = branch(y, strength)
     if i1 >= kappa:
         return ff * ff
     t = (kappa - i1) / (kappa - strength)
@@ -88,7 +94,7 @@ def is_clear(y, i1, j2, strength, margin):
 def squared_limit_slopes(y, i1, strength):
     """F^2 and its derivatives by I1, I1 I1, X and I1 X, for X < I1 < PEAKI1."""
     ff, slope, curvature = shear_limit(y, i1)
-    kappa = y.peak - y.cap_ratio * (y.peak - strength)
+    kappa = branch(y, strength)
     square = ff * ff
     d1 = 2.0 * ff * slope
     d2 = 2.0 * (slope * slope + ff * curvature)

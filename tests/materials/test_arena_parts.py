@@ -182,6 +182,28 @@ def test_non_associativity():
         assert -(state[0, 0] - volume) / plastic == pytest.approx(3 * beta**2 * 0.3, rel=2e-3)
 
 
+@pytest.mark.parametrize(("beta", "acting"), [(0.8, 0.8), (1.0, 1.0), (1.2, 1.2), (2.0, 1.0)])
+def test_plastic_work_on_the_shear_limit(beta, acting):
+    """FSLOPE (PEAKI1 + 3 |p| (1 - BETA^2)) per shear: negative for BETA > 1, unless that acts on the cap alone."""
+    options = {"BETA_acts_on": "cap"} if acting != beta else {"BETA_above_1": "allow"}
+    material = Arena(
+        **QUASISTATIC, initial_saturation=0.0, BETA=beta, **options, p0=1e9, STREN=0.0, YSLOPE=0.0, FSLOPE=0.3
+    )
+    stress, state = start(material)
+    material.compute_stress(stress, -1e-3 * ISOTROPIC[None], state, 1.0)
+    shear = np.array([[0, 0, 0, 0.5, 0, 0]])
+    for _ in range(100):
+        material.compute_stress(stress, shear * 1e-4, state, 1.0)
+    before, volume = stress.copy(), state[0, 0]
+    material.compute_stress(stress, shear * 1e-7, state, 1.0)
+    middle, modulus = 0.5 * (before + stress), material.elastic_moduli(before, state)[1][0]
+    plastic = 1e-7 - (stress - before)[0, 3] / modulus  # engineering shear
+    pressure = -tensors.mean(middle)[0]
+    work = middle[0, 3] * plastic + pressure * (state[0, 0] - volume)
+    assert work == pytest.approx(0.3 * (1e3 + 3 * pressure * (1 - acting**2)) * plastic, rel=5e-3, abs=1e-3)
+    assert (work < 0.0) == (acting > 1.0)
+
+
 def test_overstress_decays_in_elastic_steps():
     """Unloading at rate r: the old overstress falls by exp(-dt/tau), tau = T1 r^-T2."""
     material = Arena(initial_saturation=0.0)
@@ -213,6 +235,20 @@ def test_damage_lowers_the_vertex():
         assert material.derived_state(stress, state)["coherence"][0] == pytest.approx(coherence, rel=1e-9)
         peak = coherence * 1e3 + (1 - coherence) * 1e-5
         assert 3 * tensors.mean(stress)[0] == pytest.approx(peak, rel=1e-6)
+
+
+def test_damage_grows_on_the_shear_limit_and_on_the_cap_if_asked_to():
+    """Isotropic compaction of .12 in 1.6 ms leaves sand coherent: it is not on the limit surface (manual, eq. 266)."""
+    coherence, sheared = {}, {}
+    for surface in ("shear_limit", "surface"):
+        material = Arena(**QUASISTATIC, initial_saturation=0.0, do_damage=True, damage_grows_on=surface)
+        stress, state = strained(material, -0.12, steps=20, dt=1.6e-3)
+        coherence[surface] = material.derived_state(stress, state)["coherence"][0]
+        firm = Arena(**material.model_dump() | {"p0": 1e9})
+        sheared[surface] = strained(firm, -1e-3, [0, 0, 0, 0.01, 0, 0], steps=50, dt=5e-4)[1][0, 4]
+    assert coherence["shear_limit"] == pytest.approx(1 / (1 + math.exp(-7)), rel=1e-3)
+    assert 0.03 < coherence["surface"] < 0.06
+    assert sheared["shear_limit"] == sheared["surface"] > 1e-4
 
 
 def test_no_damage_without_time_or_yield():
@@ -338,6 +374,7 @@ def test_strength_factor_that_breaks_the_rule_is_an_error():
         ({"nu1": 0.49, "nu2": 0.2}, "below 0.5"),
         ({"CR": 1.0}, "CR"),
         ({"BETA": 0.0}, "BETA"),
+        ({"BETA": 1.2}, "create energy; choose BETA_acts_on: cap, or insist with BETA_above_1: allow"),
         ({"b4": 0.9}, "b4"),
         ({"initial_saturation": 1.2}, "initial_saturation"),
         ({"p3": 0.4}, "p3"),
@@ -476,6 +513,7 @@ def test_random_states_and_increments():
             **QUASISTATIC,
             initial_saturation=saturation,
             BETA=float(rng.uniform(0.3, 2.0)),
+            BETA_above_1="allow",
             CR=float(rng.uniform(0.05, 0.95)),
             p1_sat=float(rng.choice([1.0, 0.3])),
         )

@@ -116,7 +116,8 @@ class Reference:
             return bulk * e[:3].sum() * UNIT + 2 * shear * (e - e[:3].sum() / 3 * UNIT)
 
         normal = s - slope * UNIT
-        flow = s - self.p["BETA"] ** 2 * slope * UNIT
+        beta = 1.0 if slope < 0.0 and self.p["BETA_acts_on"] == "cap" else self.p["BETA"]
+        flow = s - beta**2 * slope * UNIT
         elastic = stiffness(strain_rate)
         back = stiffness(flow)
         growth = -flow[:3].sum()
@@ -177,6 +178,7 @@ SHEAR = [-0.001, 0.0005, -0.002, 0.004, -0.003, 0.002]
         {"initial_saturation": 0.0},
         {"initial_saturation": 0.5, "p1_sat": 0.4},
         {"initial_saturation": 0.93, "BETA": 0.6, "CR": 0.7},
+        {"initial_saturation": 0.0, "BETA": 1.7, "BETA_acts_on": "cap"},
         {"initial_saturation": 0.3, "initial_fluid_pressure": 2e5},
     ],
 )
