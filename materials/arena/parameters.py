@@ -43,10 +43,10 @@ class ArenaParameters(MaterialParameters):
     YSLOPE: float = _field(0.31, "slope of the shear limit at high pressure", ge=0)
     BETA: float = _field(1.0, "non-associativity; 1 is associative", gt=0)
     BETA_acts_on: Literal["surface", "cap"] = _field(
-        "surface", "flow that BETA scales: on the whole surface, or on the cap alone, where soil compacts"
+        "surface", "flow that BETA scales: all, or on the cap"
     )
     BETA_above_1: Literal["refuse", "allow"] = _field(
-        "refuse", "on the whole surface BETA > 1 creates energy where soil dilates under pressure"
+        "refuse", "BETA > 1 on the surface, which creates energy"
     )
     CR: float = _field(0.5, "share of the surface that the cap takes", gt=0, lt=1)
     T1: float = _field(5e-5, "relaxation time at a strain rate of 1/s", "s", ge=0)
@@ -56,7 +56,7 @@ class ArenaParameters(MaterialParameters):
     fspeed: float = _field(7.0, "speed of failure", gt=0)
     time_at_failure: float = _field(800e-6, "time of yielding until half the strength is gone", "s", gt=0)
     damage_grows_on: Literal["shear_limit", "surface"] = _field(
-        "shear_limit", "yielding that counts: on the shear limit alone, or on the cap, too"
+        "shear_limit", "yielding that counts: not that on the cap, or all"
     )
     failed_PEAKI1: float | None = _field(None, "PEAKI1 of the failed soil; 1e-5 Pa", "Pa", ge=0)
     failed_FSLOPE: float | None = _field(None, "FSLOPE of the failed soil; half of FSLOPE", ge=0)
