@@ -291,7 +291,7 @@ def test_fences_without_a_language_hold_no_commands():
                 assert not re.search(r"^(periporo|python|pip|pytest|mpirun) ", text, re.M), f"{page}: {text}"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=identity)
+@pytest.mark.parametrize("page", [*PAGES, *sorted(FIGURES.glob("*.md"))], ids=identity)
 def test_pages_can_be_read(page):
     """Lines that fit a window, and no more of them than patience."""
     lines = page.read_text().splitlines()
