@@ -9,7 +9,7 @@ from periporo.lazy import offer
 
 if TYPE_CHECKING:
     from periporo.core.run import run
-    from periporo.core.scene.source import Simulation
+    from periporo.core.simulation import Simulation
     from periporo.errors import InputError
     from periporo.io.output.results import open_results
 else:

@@ -35,7 +35,7 @@ class RigidContact:
         self.damping = damping
         self.velocity = velocity
         self.spring = f"contact_spring_{name}"
-        self._time = None
+        self._time: float | None = None
         self._chosen = None, None, None  # point ids, obstacle's shift, rows near it
 
     def attach(self, p: Particles, forces: ForceChannels) -> None:

@@ -2,6 +2,7 @@
 
 import platform
 import time
+from collections.abc import Callable, Iterable
 from contextlib import closing
 from importlib import metadata
 from pathlib import Path
@@ -16,7 +17,8 @@ from periporo.core.points import fields
 from periporo.core.points.probes import Probes
 from periporo.core.ranks.reductions import quantile
 from periporo.core.scene.build import build, output_names, vertical_axis
-from periporo.core.scene.source import naming, read_everywhere
+from periporo.core.scene.source import Source, naming, read_everywhere
+from periporo.core.simulation import Simulation
 from periporo.core.watch.interrupt import Interrupted, Keeper, Signals
 from periporo.core.watch.observers import Callback, HistoryObserver, ProgressObserver, ResultObserver
 from periporo.core.watch.state import State, StateError, memory, tables
@@ -31,9 +33,10 @@ from periporo.io.schema.scene import Checkpoint
 
 
 def run(
-    source, file=None, *, comm=None, resume=False, overwrite=False, walltime=None, pictures=False, quiet=False,
-    callbacks=(),
-):  # fmt: skip
+    source: Source, file: str | Path | None = None, *, comm: MPI.Comm | None = None, resume: bool = False,
+    overwrite: bool = False, walltime: float | None = None, pictures: bool = False, quiet: bool = False,
+    callbacks: Iterable[tuple[int, Callable[[Simulation], object]]] = (),
+) -> Path:  # fmt: skip
     """Run a scene, or the rest of it, as the command line does: with results, checkpoints, watchdog and progress.
 
     - `source`: YAML file, dictionary or `SceneInput`

@@ -1,7 +1,7 @@
 """The simulation: its parts, and the only time loop in the program."""
 
-from collections.abc import Callable
-from typing import ClassVar
+from collections.abc import Callable, Iterable
+from typing import Any, ClassVar
 
 import numpy as np
 from mpi4py import MPI
@@ -9,9 +9,12 @@ from mpi4py import MPI
 from periporo.core.bonds.bonds import Bonds, RefusedStep
 from periporo.core.motion.energy import Ledger
 from periporo.core.motion.integrator import drift, first_kick, second_kick
+from periporo.core.motion.stages import Stage
+from periporo.core.motion.timestep import StableTimeStep
 from periporo.core.points.forces import ForceChannels
+from periporo.core.points.material import Material
 from periporo.core.points.particles import Particles
-from periporo.core.ranks import domain as decomposition
+from periporo.core.ranks.domain import Domain, bisect
 from periporo.core.ranks.halo import Halo
 from periporo.core.ranks.reductions import maximum
 from periporo.core.watch.observers import Callback
@@ -51,7 +54,10 @@ class Simulation:
     reader: ClassVar[Callable[..., "Simulation"] | None] = None
     """What makes the simulation of a scene on the ranks of a communicator; `periporo.core.scene.source` sets it."""
 
-    def __init__(self, comm, particles: Particles, materials, scheme, *, spacing, skin, time_step):
+    def __init__(
+        self, comm: MPI.Comm, particles: Particles, materials: Iterable[Material], scheme: Any, *, spacing: float,
+        skin: float, time_step: StableTimeStep,
+    ):  # fmt: skip
         self.comm = comm
         self.particles = particles
         self.materials = list(materials)
@@ -64,24 +70,28 @@ class Simulation:
         self.bonds = Bonds(particles, self.materials, scheme.rows)
         self.forces = ForceChannels(particles)
         self.forces.need("internal")
-        self.domain = None
-        self.ledger: Ledger | None = None
+        self.domain: Domain | None = None
+        self._ledger: Ledger | None = None
         self.timing = Timing()
-        self.prescribed_motions, self.point_processes, self.contacts = [], [], []
-        self.preparations = []  # functions of the simulation, once at the start
-        self.loads, self.observers, self.stages = [], [], []
-        self.guards = []  # what may write a checkpoint, stop the run, or take it back: `periporo.core.watch`
+        self.prescribed_motions: list = []
+        self.point_processes: list = []
+        self.contacts: list = []
+        self.loads: list = []
+        self.observers: list = []
+        self.stages: list[Stage] = []
+        self.preparations: list[Callable[[Simulation], None]] = []  # once at the start
+        self.guards: list = []  # what may write a checkpoint, stop the run, or take it back: `periporo.core.watch`
         self.stage_number = 0
         self.time, self.dt, self.step_number, self.rebuild_count = 0.0, 0.0, 0, 0
         self.rate_independent = False  # quasi-static: viscous laws are given all the time in the world
         self.rebuilt_at = 0  # step
         self._carry = 0.0  # of the compensated sum of time steps
         self._moved = 0.0
-        self._refusals = []  # of the last step, on this rank
+        self._refusals: list = []  # of the last step, on this rank
         self._failed = 0  # updates of laws on this rank
 
     @classmethod
-    def from_scene(cls, scene, comm=None) -> "Simulation":
+    def from_scene(cls, scene: Any, comm: MPI.Comm | None = None) -> "Simulation":
         """The simulation of a scene: a YAML file, a dictionary or a `SceneInput`; on all ranks, or those of `comm`.
 
         It runs in memory, without files, watchdog or progress, which `periporo.run` adds. Raises InputError.
@@ -90,9 +100,20 @@ class Simulation:
             raise RuntimeError("nothing is here that reads scenes: get the class by `from periporo import Simulation`")
         return cls.reader(scene, MPI.COMM_WORLD if comm is None else comm)
 
-    def call_every(self, interval: int, function) -> None:
+    def call_every(self, interval: int, function: Callable[["Simulation"], object]) -> None:
         """Call `function(simulation)` on every rank after every `interval`-th step."""
         self.observers.append(Callback(interval, function))
+
+    @property
+    def ledger(self) -> Ledger:
+        """Energies since the start."""
+        if self._ledger is None:
+            raise RuntimeError("there are no energies before the start: call `start`, or `run`")
+        return self._ledger
+
+    @ledger.setter
+    def ledger(self, ledger: Ledger) -> None:
+        self._ledger = ledger
 
     @property
     def reach(self) -> float:
@@ -108,7 +129,7 @@ class Simulation:
         """Give points to the ranks that own their places, and find ghosts and neighbours anew."""
         p = self.particles
         self._adapt_skin()
-        self._divide()
+        self.domain = self._divided()
         owner = self.domain.owner(p.position[: p.owned])
         self.bonds.collect(self.comm, p, owner)
         owned = self.halo.migrate(p, owner)
@@ -130,18 +151,18 @@ class Simulation:
         elif 0 < steps < _OFTEN:
             self.skin = min(self.skin / 0.7, self.largest_skin)
 
-    def _divide(self) -> None:
-        """Divide space among the ranks: at first, and when the numbers of bonds have become too unequal."""
+    def _divided(self) -> Domain:
+        """Space divided among the ranks: at first, and anew when the numbers of bonds have become too unequal."""
         p = self.particles
         if self.domain is not None:
             if self.comm.size == 1:
-                return
+                return self.domain
             mine = float(len(self.bonds.pairs.first))
             mean = self.comm.allreduce(mine) / self.comm.size
             if maximum(self.comm, mine) <= _IMBALANCE * mean:
-                return
+                return self.domain
         weight = np.ones(p.owned) if self.domain is None else self.bonds.pairs.per_point(p.total)[: p.owned]
-        self.domain = decomposition.bisect(self.comm, p.position[: p.owned], weight)
+        return bisect(self.comm, p.position[: p.owned], weight)
 
     def neighbours_are_stale(self) -> bool:
         """Whether a point somewhere has moved half of the skin since the neighbours were found.
@@ -247,7 +268,7 @@ class Simulation:
 
     def run(self, resumed: bool = False) -> None:
         """Go through all stages; from the middle of one, if the state was put back from a checkpoint."""
-        if self.ledger is None:
+        if self._ledger is None:
             self.start()
         for number in range(self.stage_number, len(self.stages)):
             self.stage_number = number
@@ -258,12 +279,12 @@ class Simulation:
         """How often an update of a row has failed so far, over all ranks; collective."""
         return self.comm.allreduce(self._failed)
 
-    def memory(self) -> dict:
+    def memory(self) -> dict[str, Any]:
         """What a checkpoint keeps of clocks and counters; the same on all ranks; collective."""
         clocks = {name: getattr(self, name) for name in _REMEMBERED}
         return clocks | {"initial_kinetic": self.ledger.initial_kinetic, "failed_updates": self.failed_updates()}
 
-    def recall(self, memory: dict) -> None:
+    def recall(self, memory: dict[str, Any]) -> None:
         """Set the clocks and counters back."""
         for name in _REMEMBERED:
             setattr(self, name, memory[name])

@@ -14,11 +14,11 @@ from pydantic import Field, model_validator
 
 from periporo.core.numerics.tensors import dimension_of, equivalent_shear, mean
 from periporo.core.points.material import BONDING, StateField
-from periporo.materials.base import MaterialParameters
+from periporo.materials.base import MaterialParameters, units
 from periporo.materials.cam_clay_return import advance, bonded_size, bonding_exponents
 from periporo.materials.friction import FrictionAngles, angles_of_cone, shown
 
-_PRESSURE, _DENSITY, _NUMBER, _VISCOSITY = ({"unit": u} for u in ("Pa", "kg/m^3", "1", "Pa^3 s"))
+_PRESSURE, _DENSITY, _NUMBER, _VISCOSITY = units("Pa", "kg/m^3", "1", "Pa^3 s")
 
 PRECONSOLIDATION = StateField("preconsolidation", "Pa", merge="log_mean")
 DISSIPATION = StateField("dissipation", "J/m^3")

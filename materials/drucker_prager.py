@@ -15,10 +15,10 @@ from pydantic import Field, model_validator
 from periporo.core.numerics.jit import kernel
 from periporo.core.numerics.tensors import dimension_of
 from periporo.core.points.material import StateField
-from periporo.materials.base import MaterialParameters
+from periporo.materials.base import MaterialParameters, units
 from periporo.materials.friction import FrictionAngles, angles_of_cone, shown
 
-_PRESSURE, _DENSITY, _DEGREES = ({"unit": u} for u in ("Pa", "kg/m^3", "deg"))
+_PRESSURE, _DENSITY, _DEGREES = units("Pa", "kg/m^3", "deg")
 
 DISSIPATION = StateField("dissipation", "J/m^3")
 _SAME_ANGLE = 1.0  # degrees

@@ -57,14 +57,15 @@ class Bonds:
     @property
     def carriers(self) -> list[Rows]:
         """All rows that last through rebuilds, in the order of their `index`."""
-        return self.blocks if self.links is None else [*self.blocks, self.links]
+        return [*self.blocks, *([] if self.links is None else [self.links])]
 
     def collect(self, comm, particles: Particles, owner: np.ndarray) -> None:
         """Set the active rows' state aside for a rebuild, sharing it with the points' new owners."""
         for block in self.blocks:
             block.peak_ids, block.peak[1] = self.peak_ends(block), -1.0
         for rows in self.carriers:
-            carried = Carried(*rows.layout.keys(rows, self.pairs), rows.active, rows.stress, rows.state)
+            ids, place = rows.layout.keys(rows, self.pairs)
+            carried = Carried(ids, place, rows.active, rows.stress, rows.state)
             rows.carried = carried if comm.size == 1 else self._share(comm, particles, owner, rows, carried)
 
     def _share(self, comm, particles, owner, held, carried):

@@ -50,7 +50,8 @@ def balance(sim) -> None:
         block.stress[:, : p.dimension] = 1.0
     inside = inner_points(sim)
     unbalanced = _force(sim, inside, np.zeros((n, p.dimension)))
-    residual, tilt, directions = -unbalanced, np.zeros((n, p.dimension)), []
+    residual, tilt = -unbalanced, np.zeros((n, p.dimension))
+    directions: list[tuple[np.ndarray, np.ndarray]] = []
     for _ in range(ITERATIONS):
         step, image = residual, _force(sim, inside, residual) - unbalanced
         length = math.sqrt(inner(sim.comm, image, image))

@@ -57,7 +57,8 @@ class PrescribedMotion:
 
 def without_overlaps(motions: list[PrescribedMotion]) -> list[PrescribedMotion]:
     """Motions of which no two prescribe the same component of a point: where some do, the last one has it."""
-    taken, separate = {}, []
+    taken: dict[int, np.ndarray] = {}
+    separate = []
     for motion in reversed(motions):
         for axis, velocity in motion.velocities.items():
             others = taken.get(axis, np.empty(0, np.int64))
@@ -102,7 +103,7 @@ class Traction:
     def __init__(self, ids: np.ndarray, force: np.ndarray):
         self.ids = ids
         self.force = force
-        self._found = None
+        self._found: tuple[np.ndarray, np.ndarray] | None = None  # ids of the points, and the rows among them
 
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Add to the external force."""

@@ -1,5 +1,6 @@
 """What happens in a run, one after the other: relaxation to equilibrium, and motion in real time."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 
 from periporo.core.bonds.bonds import RefusedStep
@@ -9,7 +10,7 @@ _REMEMBERED = ("end_time", "first_step", "initial_residual", "_peak")
 
 
 @dataclass
-class Stage:
+class Stage(ABC):
     """Boundary conditions, contacts and loads that hold during a stage."""
 
     name: str
@@ -53,11 +54,27 @@ class Stage:
                 guard.refused(sim, refusal)
         return False
 
-    def _set_out(self, sim) -> None:
+    def _set_out(self, sim) -> None:  # noqa: B027 - not every stage has something to do
         """Before the observers are told."""
 
-    def _begin(self, sim) -> None:
+    def _begin(self, sim) -> None:  # noqa: B027
         """After the observers were told."""
+
+    @abstractmethod
+    def _is_over(self, sim) -> bool:
+        """Asked before every step."""
+
+    @abstractmethod
+    def _finish(self, sim) -> str:
+        """After the last step; what the observers are told of it."""
+
+    @abstractmethod
+    def memory(self) -> dict:
+        """What a checkpoint keeps."""
+
+    @abstractmethod
+    def recall(self, sim, memory: dict) -> None:
+        """Go on from there."""
 
 
 @dataclass
@@ -69,7 +86,7 @@ class RelaxStage(Stage):
 
     tolerance: float = 1e-4
     max_steps: int = 200_000
-    relaxation: Relaxation | None = None
+    relaxation: Relaxation = field(init=False, repr=False, compare=False)
 
     def _begin(self, sim) -> None:
         self.relaxation = Relaxation(self.name, self.tolerance, self.max_steps)

@@ -102,7 +102,9 @@ def highest_frequency(sim) -> float:
     root_mass = np.sqrt(p.mass)[:, None]
     vector = uniform(p.id[:n], p.dimension, seed=1) - 0.5
     previous, beta = np.zeros_like(vector), 0.0
-    diagonal, beside, value = [], [], 0.0
+    diagonal: list[float] = []
+    beside: list[float] = []
+    value = 0.0
     vector /= np.sqrt(inner(sim.comm, vector, vector))
     for _ in range(_MOST_ITERATIONS):
         image = apply_stiffness(sim, vector / root_mass) / root_mass

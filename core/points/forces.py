@@ -15,7 +15,7 @@ class ForceChannels:
     def __init__(self, particles: Particles):
         self.names: list[str] = []
         self.columns = np.empty(0, np.int64)  # of `work`, for each channel
-        self._found = None, ()  # ids of the points, and their arrays
+        self._found: tuple[np.ndarray | None, tuple[np.ndarray, ...]] = None, ()  # ids of the points, and their arrays
         self._particles = particles
         particles.add_field(Field("work", len(WORK), "J", sent=False))
         particles.add_field(Field("previous_velocity", particles.dimension, "m/s", migrates=False, sent=False))
@@ -41,4 +41,4 @@ class ForceChannels:
     def total(self) -> np.ndarray:
         """Sum of all channels on the owned points, (owned, d) N."""
         n = self._particles.owned
-        return sum(a[:n] for a in self.arrays())
+        return sum(a[:n] for a in self.arrays())  # type: ignore[return-value] # there is always a channel

@@ -65,11 +65,13 @@ class UpdatesFailed(Exception):
 class Material(Protocol):
     """A constitutive law; see `docs/how-to/own_material.md` for how to write one."""
 
-    density: float
-    """Mass per bulk volume at the start, kg/m^3; of the dry material unless the law owns its pore fluid."""
+    @property
+    def density(self) -> float:
+        """Mass per bulk volume at the start, kg/m^3; of the dry material unless the law owns its pore fluid."""
 
-    state_fields: tuple[StateField, ...]
-    """The state's columns in order; empty for a law without memory besides stress."""
+    @property
+    def state_fields(self) -> tuple[StateField, ...]:
+        """The state's columns in order; empty for a law without memory besides stress."""
 
     def initial_state(self, stress: np.ndarray, ids: np.ndarray, volume: np.ndarray) -> np.ndarray:
         """State (n, k) of rows that start at `stress` (n, 4|6) Pa.

@@ -32,7 +32,8 @@ class Pairs:
 
     def per_point(self, total: int) -> np.ndarray:
         """How many listed pairs each of `total` points has, (total,) float64."""
-        return sum(np.bincount(end, minlength=total) for end in (self.first, self.second)).astype(float)
+        first, second = (np.bincount(end, minlength=total) for end in (self.first, self.second))
+        return (first + second).astype(float)
 
 
 def find_pairs(particles, rows: np.ndarray, group: np.ndarray, reach: float, capacity: int = 1024) -> np.ndarray:

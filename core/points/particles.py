@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -63,6 +64,11 @@ class Particles:
         for field in standard_fields(dimension):
             self.add_field(field)
 
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> np.ndarray:
+            """Fields are attributes: type checkers take every other name for one."""
+
     def add_field(self, field: Field) -> None:
         """Declare a field, zero in every row. Raises ValueError if the name is taken."""
         if field.name in self.fields:
@@ -92,7 +98,7 @@ class Particles:
                 array[: self.owned] = owned[field.name]
             setattr(self, field.name, array)
 
-    def take(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+    def take(self, rows: np.ndarray | slice) -> dict[str, np.ndarray]:
         """The migrating fields of the owned `rows`."""
         return {f.name: getattr(self, f.name)[rows] for f in self.migrating()}
 

@@ -23,7 +23,7 @@ def exchange_rows(comm: MPI.Comm, outgoing: dict[int, np.ndarray], width: int) -
     arriving = np.empty_like(counts)
     comm.Alltoall(counts, arriving)
     received = [np.empty((n, width)) for n in arriving]
-    requests = [comm.Irecv(received[r], r) for r in np.flatnonzero(arriving)]
+    requests = [comm.Irecv(received[r], r) for r in np.flatnonzero(arriving).tolist()]
     sent = [np.ascontiguousarray(rows) for rows in outgoing.values()]
     requests += [comm.Isend(rows, r) for r, rows in zip(outgoing, sent, strict=True) if len(rows)]
     MPI.Request.Waitall(requests)
@@ -67,7 +67,7 @@ class Halo:
                 column = 0
                 for f in fields:
                     width = f.columns or 1
-                    part = np.ascontiguousarray(rows[:, column : column + width]).view(f.dtype)
+                    part: np.ndarray = np.ascontiguousarray(rows[:, column : column + width]).view(f.dtype)
                     owned[f.name] = part[:, 0] if f.columns is None else part
                     column += width
         if (owned["id"][1:] > owned["id"][:-1]).all():
@@ -134,11 +134,11 @@ class _Exchange:
             self.outgoing += [(array, rows, part) for array, part in zip(arrays, parts, strict=True)]
             requests.append(halo.comm.Send_init(buffer, rank))
             self.bytes += buffer.nbytes
-        for rank, rows in halo.receives.items():
-            count = rows.stop - rows.start
+        for rank, ghosts in halo.receives.items():
+            count = ghosts.stop - ghosts.start
             buffer = np.empty(sum(widths) * count)
             parts = _parts(buffer, arrays, widths, count)
-            self.incoming += [(array[rows], part) for array, part in zip(arrays, parts, strict=True)]
+            self.incoming += [(array[ghosts], part) for array, part in zip(arrays, parts, strict=True)]
             requests.append(halo.comm.Recv_init(buffer, rank))
         self.requests = requests
 

@@ -1,6 +1,7 @@
 """From validated input to a simulation: the only file that knows which features exist."""
 
 import numpy as np
+from mpi4py import MPI
 
 from periporo.core.correspondence.balance import balance, tilt_field
 from periporo.core.correspondence.bond_projected import BondProjected
@@ -21,13 +22,14 @@ from periporo.core.simulation import Simulation
 from periporo.core.water.pore_water import PoreWater, retention_curve
 from periporo.errors import InputError, Problem
 from periporo.io.geometry import lattice as geometry
+from periporo.io.schema.scene import SceneInput
 
 SKIN = 0.3  # spacings
 
 SCHEMES = {s.name: s for s in (BondProjected, PointState, Standard, SubHorizon, SubHorizonPublished)}
 
 
-def build(scene, comm) -> Simulation:
+def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
     """The simulation that a `SceneInput` describes, distributed over the ranks of `comm`."""
     particles = Particles(scene.dimension)
     materials = [m.create() for m in scene.materials.values()]
@@ -72,8 +74,8 @@ def build(scene, comm) -> Simulation:
         sim.bonds.initial_stress = _initial_stress(scene, materials, water, lattices)
         sim.bonds.initial_stress_is_total = water is not None and scene.initial_stress.type == "geostatic"
     sim.stages = [_stage(scene, sim, stage, contacts, lattices) for stage in scene.stages]
-    for stage in sim.stages:
-        stage.contacts.append(repulsion)
+    for prepared in sim.stages:
+        prepared.contacts.append(repulsion)
     if sim.stages:
         sim.contacts, sim.loads = sim.stages[0].contacts, sim.stages[0].loads
     return sim

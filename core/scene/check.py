@@ -89,7 +89,7 @@ def _doubts_of_laws(sim, scene) -> list[str]:
         found = {}
         if hasattr(block.material, "doubts"):
             found = block.material.doubts(block.stress[block.active], block.state[block.active])
-        merged = {}
+        merged: dict[str, str] = {}
         for mine in reversed(sim.comm.allgather(found)):
             merged |= mine
         doubts += [f"material '{name}': {text}" for text in merged.values()]

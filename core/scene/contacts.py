@@ -101,6 +101,8 @@ def _surface(model) -> surfaces.Surface:
             return surfaces.Cylinder(model.base, "xyz".index(model.axis), model.radius, model.height)
         case "polyline":
             return surfaces.Polyline(model.vertices)
+        case other:
+            raise ValueError(f"no surface for a contact of type '{other}'")
 
 
 def _p_wave_modulus(material):

@@ -1,7 +1,11 @@
 """Scenes from files, dictionaries or ready-made, read once and the same on every rank."""
 
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
 
 from periporo.core.scene.build import build
 from periporo.core.simulation import Simulation
@@ -9,8 +13,11 @@ from periporo.errors import InputError
 from periporo.io.input.load import load_scene, located, parse_scene
 from periporo.io.schema.scene import SceneInput
 
+Source = str | Path | dict[str, Any] | SceneInput
+"""A scene: a YAML file, its dictionary, or ready-made."""
 
-def read_everywhere(source, comm) -> SceneInput:
+
+def read_everywhere(source: Source, comm: MPI.Comm) -> SceneInput:
     """The scene in the file `source` (a path), or that of a dictionary, or `source` itself if it is a `SceneInput`.
 
     Rank 0 reads; its InputError is raised on all ranks alike.
@@ -30,7 +37,7 @@ def read_everywhere(source, comm) -> SceneInput:
 
 
 @contextmanager
-def naming(source):
+def naming(source: Source) -> Iterator[None]:
     """Have an InputError that is raised within name the file `source`, if it is one, and the lines in it."""
     try:
         yield
@@ -40,7 +47,7 @@ def naming(source):
         raise
 
 
-def simulation_of(source, comm) -> Simulation:
+def simulation_of(source: Source, comm: MPI.Comm) -> Simulation:
     """The simulation of the scene `source`, see `read_everywhere`, on the ranks of `comm`. Raises InputError."""
     scene = read_everywhere(source, comm)
     with naming(source):

@@ -132,7 +132,7 @@ def distributed(sim, state: State) -> State:
     comm, names, columns = sim.comm, list(state.points), list(state.points.values())
     ids, place = state.points["id"], state.points["reference_position"]
     holders = [np.searchsorted(ids, rows.ids[:, 0]) for rows in state.rows]
-    weight = 1.0 + sum(np.bincount(h, minlength=len(ids)) for h in holders)
+    weight = sum((np.bincount(h, minlength=len(ids)) for h in holders), np.ones(len(ids)))
     domain = decomposition.bisect(comm, place, weight)
     owner = domain.owner(place)
     points = dict(zip(names, _sent(comm, columns, owner), strict=True))

@@ -6,7 +6,7 @@ import time
 class Timing:
     """Seconds of wall time by part of the step."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
         self._last = time.perf_counter()
 

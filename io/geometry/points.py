@@ -5,6 +5,7 @@ import warnings
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -96,7 +97,7 @@ def _from_vtk(path: Path, dimension: int) -> tuple[np.ndarray, np.ndarray | None
     except ImportError:
         raise PointFileError("VTK files need the vtk package (pip install vtk); or use .csv") from None
     readers = {".vtk": vtkDataSetReader, ".vtu": vtkXMLUnstructuredGridReader, ".vtp": vtkXMLPolyDataReader}
-    reader = readers[path.suffix.lower()]()
+    reader: Any = readers[path.suffix.lower()]()
     reader.SetFileName(str(path))
     reader.Update()
     grid = reader.GetOutput()

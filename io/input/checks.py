@@ -76,7 +76,8 @@ def _dimension_problems(scene: SceneInput) -> Iterator[Problem]:
     for path, part in _parts(scene):
         for name, info in type(part).model_fields.items():
             value = getattr(part, name)
-            if (info.json_schema_extra or {}).get("vector") and value is not None and len(value) != d:
+            extra = info.json_schema_extra
+            if isinstance(extra, dict) and extra.get("vector") and value is not None and len(value) != d:
                 yield Problem(
                     (*path, name), f"must have {d} components (the scene's dimension), not {len(value)}"
                 )

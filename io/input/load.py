@@ -39,7 +39,7 @@ def _checked(data: Any, folder: Path, source: YamlSource | None) -> SceneInput:
         problems += problems_of(error, scene_schema(), data)
     if scene is not None and not problems:
         problems += scene_problems(scene)
-    if problems:
+    if scene is None or problems:
         name = source.name if source else "scene"
         raise InputError(name, [_with_line(problem, source) for problem in problems])
     return scene

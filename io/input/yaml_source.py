@@ -32,7 +32,7 @@ class _Node:
     value: Any
     line: int
     children: dict[str | int, "_Node"] = field(default_factory=dict)
-    key_lines: dict[str, int] = field(default_factory=dict)
+    key_lines: dict[str | int, int] = field(default_factory=dict)
     anchor: str | None = None
     size: int = 1  # nodes, this one and those below
     height: int = 1  # levels, this one and those below
@@ -185,7 +185,7 @@ class _Builder:
     def _place(self) -> tuple[str | int, ...]:
         """Path of the collection that is open."""
         return tuple(
-            key if isinstance(parent.value, dict) else len(parent.value)
+            str(key) if isinstance(parent.value, dict) else len(parent.value)
             for parent, key in zip(self._open[:-1], self._keys[:-1], strict=True)
         )
 
@@ -232,8 +232,9 @@ class _Builder:
         parent = self._open[-1]
         parent.size += node.size
         parent.height = max(parent.height, node.height + 1)
+        part: str | int
         if isinstance(parent.value, dict):
-            part = self._keys[-1]
+            part = str(self._keys[-1])
             self._keys[-1] = None
             parent.value[part] = node.value
         else:

@@ -182,7 +182,8 @@ def read(path: Path, comm, configuration: str, message=print) -> tuple[Table, li
     `configuration` is that of the run that wants to go on; `message` is told if another version wrote the file. On all
     ranks alike raises CheckpointError if the file is damaged, OutputError if it belongs to another scene.
     """
-    share, failure, foreign, program = None, None, None, PROGRAM
+    share: tuple[Table, list[Table], dict] | None = None
+    failure, foreign, program = None, None, PROGRAM
     try:
         with h5py.File(path, "r", locking=False) as file:
             foreign = _difference(file, configuration)
@@ -194,7 +195,7 @@ def read(path: Path, comm, configuration: str, message=print) -> tuple[Table, li
     failure = next((f for f in comm.allgather(failure) if f is not None), None)
     if failure is not None:
         raise CheckpointError(f"checkpoint {path}: {failure}")
-    if foreign is not None:
+    if share is None:
         raise OutputError(f"cannot resume from {path}: {foreign}; put it back, or start anew with --overwrite")
     if program != PROGRAM:
         message(f"{path.name} is of another version of periporo, or of another kind of processor: the run goes on, "

@@ -1,17 +1,21 @@
 """Reading of result files: NumPy arrays by field and time."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 import yaml
+
+if TYPE_CHECKING:
+    import xarray
 
 
 class ResultError(Exception):
     """A result file cannot be read, or does not hold what is asked for."""
 
 
-def open_results(path):
+def open_results(path: str | Path) -> "Results":
     """Open a result file for reading, also while its run goes on; use it in a `with` statement.
 
     Returns a `Results`. Raises `ResultError` if the file is missing, damaged or not one of ours.
@@ -32,86 +36,86 @@ class Results:
     - `dimension`: 2 or 3
     """
 
-    def __init__(self, path):
+    def __init__(self, path: str | Path):
         self.path = Path(path)
         self._file = _open(self.path)
         try:
             steps = self._file["VTKHDF/Steps"]
             count = int(steps.attrs["NSteps"])
-            self.times = steps["Values"][:count]  # s
-            self.steps = steps["StepNumbers"][:count]
+            self.times: np.ndarray = steps["Values"][:count]  # s
+            self.steps: np.ndarray = steps["StepNumbers"][:count]
             parts = steps["PartOffsets"][:count]  # the first is of points, a second one of obstacles
             self.point_counts = self._file["VTKHDF/NumberOfPoints"][: parts.max(initial=-1) + 1][parts]
             self._starts = steps["PointOffsets"][:count]
-            self.attributes = dict(self._file["Run"].attrs)
+            self.attributes: dict[str, Any] = dict(self._file["Run"].attrs)
             self.dimension = int(self.attributes.pop("dimension"))
         except (KeyError, OSError, RuntimeError) as error:
             self._file.close()
             raise ResultError(f"{self.path} is damaged or not a result file of periporo: {error}") from None
 
-    def __enter__(self):
+    def __enter__(self) -> "Results":
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self.close()
 
-    def __len__(self):
+    def __len__(self) -> int:
         """Number of outputs."""
         return len(self.times)
 
-    def close(self):
+    def close(self) -> None:
         """Close the file."""
         self._file.close()
 
     @property
-    def fields(self):
+    def fields(self) -> tuple[str, ...]:
         """Names of the fields of points."""
         return tuple(name for name in self._file["VTKHDF/PointData"] if name != "id")
 
     @property
-    def history_names(self):
+    def history_names(self) -> tuple[str, ...]:
         """Names of the global figures."""
         return tuple(self._file["History"])
 
     @property
-    def configuration(self):
+    def configuration(self) -> dict[str, Any]:
         """The configuration of the run as a dictionary; empty if the file holds none."""
         return yaml.safe_load(self.attributes.get("configuration", "")) or {}
 
-    def field(self, name, step=-1, *, time=None):
+    def field(self, name: str, step: int = -1, *, time: float | None = None) -> np.ndarray:
         """Field `name`, (n,), (n, 3) or (n, 6), at output `step`, or at the output nearest to `time` (s)."""
         if name not in self.fields:
             raise ResultError(f"{self.path} holds no field {name!r}; there are: {', '.join(self.fields)}")
         return self._rows(f"VTKHDF/PointData/{name}", self.output(step, time))
 
-    def positions(self, step=-1, *, time=None):
+    def positions(self, step: int = -1, *, time: float | None = None) -> np.ndarray:
         """Positions (n, 3) m."""
         return self._rows("VTKHDF/Points", self.output(step, time))
 
-    def ids(self, step=-1, *, time=None):
+    def ids(self, step: int = -1, *, time: float | None = None) -> np.ndarray:
         """Global ids (n,), ascending."""
         return self._rows("VTKHDF/PointData/id", self.output(step, time))
 
-    def unit(self, name):
+    def unit(self, name: str) -> str:
         """Unit of a field or of a global figure; '' for numbers without one."""
         for group in ("VTKHDF/PointData", "History"):
             if name in self._file[group]:
                 return str(self._file[group][name].attrs.get("unit", ""))
         raise ResultError(f"{self.path} holds neither a field nor a history {name!r}")
 
-    def components(self, name):
+    def components(self, name: str) -> tuple[str, ...]:
         """Names of the components of a field, () for one of a single column."""
         self.unit(name)
         return tuple(self._file[f"VTKHDF/PointData/{name}"].attrs.get("components", ()))
 
-    def history(self, name):
+    def history(self, name: str) -> np.ndarray:
         """Global figure `name` (m,) over all recorded steps; 'step' and 'time' are among the names."""
         history = self._file["History"]
         if name not in history:
             raise ResultError(f"{self.path} holds no history {name!r}; there are: {', '.join(history)}")
         return history[name][: min(len(dataset) for dataset in history.values())]
 
-    def output(self, step=-1, time=None):
+    def output(self, step: int = -1, time: float | None = None) -> int:
         """Index from 0 of output `step`, or of the output nearest to `time` (s)."""
         if not len(self):
             raise ResultError(f"{self.path} holds no output yet")
@@ -125,7 +129,7 @@ class Results:
                               f"{len(self) - 1}")
         return int(step) % len(self)
 
-    def to_xarray(self):
+    def to_xarray(self) -> "xarray.Dataset":
         """All fields as an xarray Dataset over time, id and component; NaN where a point does not exist.
 
         Reads the whole file into memory. Raises ImportError if xarray is not installed.
@@ -135,7 +139,7 @@ class Results:
         except ImportError:
             raise ImportError("to_xarray needs the package xarray: pip install xarray") from None
         outputs = range(len(self))
-        ids = np.unique(np.concatenate([self.ids(k) for k in outputs] or [[]]))
+        ids = np.unique(np.concatenate([self.ids(k) for k in outputs] or [np.empty(0)]))
         dataset = xarray.Dataset(coords={"time": self.times, "id": ids, "step": ("time", self.steps)})
         for name in ("Points", *(f"PointData/{field}" for field in self.fields)):
             stored = self._file[f"VTKHDF/{name}"]
@@ -148,7 +152,7 @@ class Results:
             dataset = dataset.assign_coords({axis: list(stored.attrs["components"]) for axis in axes})
         return dataset
 
-    def _rows(self, name, k):
+    def _rows(self, name: str, k: int) -> np.ndarray:
         start = self._starts[k]
         try:
             return self._file[name][start : start + self.point_counts[k]]

@@ -3,6 +3,7 @@
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, StringConstraints, model_validator
+from pydantic.config import JsonDict
 
 MAX_LENGTH = 1e7  # m
 MAX_TIME = 1e10  # s
@@ -25,31 +26,29 @@ def key(description: str, unit: str = "", *, default: Any = ..., vector: bool = 
 
     `vector` marks an entry that must have as many components as the scene has dimensions.
     """
-    extra = {"unit": unit} if unit else {}
+    extra: JsonDict = {"unit": unit} if unit else {}
     if vector:
         extra["vector"] = True
     return Field(default, description=description, json_schema_extra=extra, **bounds)
 
 
-def _bounded(limit: float) -> Any:
-    return Annotated[float, Strict(), Field(ge=-limit, le=limit)]
+def _up_to(size: float) -> Any:
+    return Field(ge=-size, le=size)
 
 
-def _vector(component: Any) -> Any:
-    return Annotated[tuple[component, ...], Field(min_length=2, max_length=3)]
-
+_COMPONENTS = Field(min_length=2, max_length=3)
 
 Real = Annotated[float, Strict()]
 Integer = Annotated[int, Strict()]
 Flag = Annotated[bool, Strict()]
-Coordinate = _bounded(MAX_LENGTH)
-Pressure = _bounded(MAX_STRESS)
-Time = _bounded(MAX_TIME)
-Position = _vector(Coordinate)
-OpenPosition = _vector(Coordinate | None)
-Velocity = _vector(_bounded(MAX_SPEED))
-Acceleration = _vector(_bounded(MAX_ACCELERATION))
-Stress = _vector(Pressure)
+Coordinate = Annotated[float, Strict(), _up_to(MAX_LENGTH)]
+Pressure = Annotated[float, Strict(), _up_to(MAX_STRESS)]
+Time = Annotated[float, Strict(), _up_to(MAX_TIME)]
+Position = Annotated[tuple[Coordinate, ...], _COMPONENTS]
+OpenPosition = Annotated[tuple[Coordinate | None, ...], _COMPONENTS]
+Velocity = Annotated[tuple[Annotated[float, Strict(), _up_to(MAX_SPEED)], ...], _COMPONENTS]
+Acceleration = Annotated[tuple[Annotated[float, Strict(), _up_to(MAX_ACCELERATION)], ...], _COMPONENTS]
+Stress = Annotated[tuple[Pressure, ...], _COMPONENTS]
 Axis = Literal["x", "y", "z"]
 Text = Annotated[str, StringConstraints(max_length=1000, pattern=TEXT_PATTERN)]
 Name = Annotated[str, StringConstraints(pattern=NAME_PATTERN)]
@@ -74,7 +73,7 @@ class History(SceneModel):
     """A value over time, linear between the times given, constant before the first and after the last."""
 
     times: tuple[Time, ...] = key("times, increasing", "s", min_length=1, max_length=100_000)
-    values: tuple[_bounded(MAX_LENGTH), ...] = key("values at these times", min_length=1, max_length=100_000)
+    values: tuple[Coordinate, ...] = key("values at these times", min_length=1, max_length=100_000)
 
     @model_validator(mode="after")
     def _is_a_function(self):

@@ -48,7 +48,7 @@ class MaterialInput(SceneModel):
     @property
     def parameters(self) -> dict[str, Any]:
         """The law's own keys."""
-        return dict(self.model_extra)
+        return dict(self.model_extra or {})
 
     def create(self):
         """The material object."""

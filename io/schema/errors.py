@@ -4,6 +4,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 from pydantic.errors import PydanticInvalidForJsonSchema
+from pydantic_core import ErrorDetails
 
 from periporo.errors import Path, Problem, choice, described, nearest
 from periporo.io.schema.base import FILE_PATTERN, NAME_PATTERN, TEXT_PATTERN
@@ -34,6 +35,7 @@ _PATTERNS = {
     FILE_PATTERN: "{} is not a valid file name: it contains control characters",
     TEXT_PATTERN: "{} contains control characters",
 }
+_SCALARS = ("number", "integer", "string", "boolean")
 _NUMERIC = ("float_type", "int_type", "float_parsing", "int_parsing", "int_from_float")
 
 
@@ -58,7 +60,7 @@ def problems_of(error: ValidationError, schema: dict[str, Any], data: Any) -> li
     return problems
 
 
-def _follows(finding: dict[str, Any]) -> bool:
+def _follows(finding: ErrorDetails) -> bool:
     """Whether a list was found too short only because entries of it are wrong, which is reported itself."""
     return finding["type"] == "too_short" and len(finding["input"]) >= finding["ctx"]["min_length"]
 
@@ -109,7 +111,7 @@ def _node(schema: dict[str, Any], path: Path, data: Any) -> dict[str, Any]:
             items = node.get("prefixItems", [])
             inner = items[part] if part < len(items) else node.get("items", {})
         else:
-            by_name = node.get("additionalProperties") or next(
+            by_name: Any = node.get("additionalProperties") or next(
                 iter(node.get("patternProperties", {}).values()), {}
             )
             inner = node.get("properties", {}).get(part, by_name)
@@ -133,15 +135,13 @@ def _resolved(schema: dict[str, Any], node: Any, value: Any) -> dict[str, Any]:
         return _resolved(schema, {"$ref": mapping[tag]}, value) | outer
     for member in node.get("anyOf", []):
         inner = _resolved(schema, member, value)
-        wanted = {dict: ("object",), list: ("array",)}.get(
-            type(value), ("number", "integer", "string", "boolean")
-        )
-        if inner.get("type") in wanted or "oneOf" in member:
+        fits = ("object",) if isinstance(value, dict) else ("array",) if isinstance(value, list) else _SCALARS
+        if inner.get("type") in fits or "oneOf" in member:
             return inner | outer
     return node
 
 
-def _place(path: Path, finding: dict[str, Any]) -> Path:
+def _place(path: Path, finding: ErrorDetails) -> Path:
     """Path to show for a finding; what is wrong with a 'type' is found one level above it."""
     if finding["type"] == "union_tag_invalid":
         return (*path, "type")
@@ -151,7 +151,7 @@ def _place(path: Path, finding: dict[str, Any]) -> Path:
     return (*path, written) if written else path
 
 
-def _misspelt(finding: dict[str, Any]) -> str | None:
+def _misspelt(finding: ErrorDetails) -> str | None:
     """The key that stands in place of a missing 'type' or 'model', if any.
 
     Only these two can be misspelt without being reported as unknown.
@@ -178,7 +178,7 @@ def _meaning(node: dict[str, Any]) -> str:
     return f" ({node['description']}{unit})" if "description" in node else ""
 
 
-def _message(finding: dict[str, Any], node: dict[str, Any]) -> str:
+def _message(finding: ErrorDetails, node: dict[str, Any]) -> str:
     kind, value, context = finding["type"], finding["input"], finding.get("ctx", {})
     if kind == "missing" and _misspelt(finding):
         return "unknown key; did you mean 'model'?"

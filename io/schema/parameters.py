@@ -97,7 +97,7 @@ def _allowed(node: dict[str, Any]) -> str:
             return ", ".join(choices) if members == "oneOf" else " or ".join(choices)
     if "const" in node or "enum" in node:
         return ", ".join(map(str, node.get("enum", [node.get("const")])))
-    kind = node.get("type")
+    kind = node.get("type", "")
     if kind == "object":
         by_name = next(iter(node.get("patternProperties", {}).values()), None) or node.get("additionalProperties")
         return f"name: {_allowed(by_name)} for each" if isinstance(by_name, dict) else "mapping"

@@ -161,7 +161,7 @@ def _linked(text: str, page_of: dict[str, str]) -> str:
 
 def _wrapped(text: str, indent: str = "") -> str:
     """Paragraphs of text in lines of a window's width."""
-    options = {"subsequent_indent": indent, "break_long_words": False, "break_on_hyphens": False}
+    options: Any = {"subsequent_indent": indent, "break_long_words": False, "break_on_hyphens": False}
     return "\n\n".join(textwrap.fill(" ".join(part.split()), _WIDTH, **options) for part in text.split("\n\n"))
 
 

@@ -147,7 +147,7 @@ class CorrespondenceInput(SceneModel):
             raise ValueError("balance needs bonds with a volume change of their own; leave out dilatation, or balance")
         return self
 
-    def options(self) -> dict[str, bool | str]:
+    def options(self) -> dict[str, Any]:
         """The options that were given, by name."""
         return {name: getattr(self, name) for name in _SCHEMES_WITH if getattr(self, name) is not None}
 

@@ -111,7 +111,8 @@ class Arena(ArenaParameters):
     @cached_property
     def _strength(self) -> Strength:
         return Strength(
-            *(float(v) for v in self.intact_strength() + self.failed_strength()),
+            *self.intact_strength(),
+            *self.failed_strength(),
             float(self.fspeed),
             float(self.time_at_failure),
             float(self.CR),
@@ -121,8 +122,8 @@ class Arena(ArenaParameters):
     @cached_property
     def _surface(self) -> Surface:
         """Surface of a row without damage and variability."""
-        a = coefficients(*(float(v) for v in self.intact_strength()))
-        return Surface(*a, float(self.PEAKI1), float(self.CR), *self._flow)
+        a1, a2, a3, a4 = coefficients(*(float(v) for v in self.intact_strength()))
+        return Surface(a1, a2, a3, a4, float(self.PEAKI1), float(self.CR), *self._flow)
 
     @cached_property
     def _packed(self) -> tuple[np.ndarray, ...]:
@@ -148,7 +149,7 @@ class Arena(ArenaParameters):
         """
         n, components = stress.shape
         if self.initial_fluid_pressure > 0:
-            stress[np.ix_(~stress.any(axis=1), range(3))] = -self.initial_fluid_pressure
+            stress[np.ix_(~stress.any(axis=1), np.arange(3))] = -self.initial_fluid_pressure
         width = sum(f.columns(components) for f in self.state_fields)
         state = np.zeros((n, width))
         _, factor_column, static_column = self._columns

@@ -111,9 +111,10 @@ class ArenaParameters(MaterialParameters):
         given = (self.failed_PEAKI1, self.failed_FSLOPE, self.failed_STREN, self.failed_YSLOPE)
         usual = (1e-5, 0.5 * self.FSLOPE, 0.1 * self.STREN, 1e-5)
         intact = self.intact_strength()
-        return tuple(
+        peak, fslope, stren, yslope = (
             (u if i > 0 else 0.0) if g is None else g for g, u, i in zip(given, usual, intact, strict=True)
         )
+        return peak, fslope, stren, yslope
 
     @model_validator(mode="after")
     def _check_rules(self):

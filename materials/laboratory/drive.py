@@ -71,8 +71,10 @@ def drive(
         point = MaterialPoint(material, np.zeros(6) if stress is None else stress)
     except ValueError as error:
         raise InputError(path.name, [Problem((), f"the initial stress does not suit: {error}")]) from error
-    follow = _gradient_followed if isinstance(path, DeformationPath) else _strain_followed
-    follow = follow(point, path, substeps)
+    if isinstance(path, DeformationPath):
+        follow = _gradient_followed(point, path, substeps)
+    else:
+        follow = _strain_followed(point, path, substeps)
     rows = [_observed(point)]
     for row in range(1, len(path.time)):
         try:

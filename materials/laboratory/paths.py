@@ -67,15 +67,17 @@ def read_path(file: str | Path) -> StrainPath | DeformationPath:
             raise InputError(str(file), [Problem(("time_s",), message, lines[row + 1])])
     columns = {name: table[:, c] for c, name in enumerate(header)}
     stem = Path(file).stem
+    path: StrainPath | DeformationPath
     if any(name in GRADIENT_COLUMNS for name in header):
-        path = DeformationPath(stem, time, _gradients(columns, len(time)))
-        bad = np.flatnonzero(~(np.linalg.det(path.gradient) > 0))
+        gradient = _gradients(columns, len(time))
+        bad = np.flatnonzero(~(np.linalg.det(gradient) > 0))
         if len(bad):
             raise InputError(str(file), [Problem(("F",), INSIDE_OUT, lines[bad[0] + 1])])
-        starts = np.allclose(path.gradient[0], np.eye(3), rtol=0, atol=1e-14)
+        starts = np.allclose(gradient[0], np.eye(3), rtol=0, atol=1e-14)
+        path = DeformationPath(stem, time, gradient)
     else:
-        path = _strain_path(stem, time, columns)
-        starts = not np.any(path.target[0, ~path.stress_controlled])
+        path = strain = _strain_path(stem, time, columns)
+        starts = not np.any(strain.target[0, ~strain.stress_controlled])
     if not starts:
         message = "the first row is the start: its strains must be 0, or its F the identity"
         raise InputError(str(file), [Problem((), message, lines[1])])

@@ -1,5 +1,7 @@
 """Clauses about how a law is called: declarations, shapes, rows on their own, rows without state, no strain."""
 
+from typing import Any
+
 import numpy as np
 
 from periporo.core.points.material import Material, StateField
@@ -61,16 +63,16 @@ def check_start(rows: Rows) -> None:
             )
         column += width
     rows.moduli(rows.stress, rows.state)
-    landed = rows.start(np.zeros_like(rows.stress))
-    rows.check_finite(*landed, "initial_state without stress, where points meet that flew freely")
-    rows.moduli(*landed)
+    stress, state = rows.start(np.zeros_like(rows.stress))
+    rows.check_finite(stress, state, "initial_state without stress, where points meet that flew freely")
+    rows.moduli(stress, state)
 
 
 def check_calls(rows: Rows) -> None:
     """compute_stress works in place, returns nothing and leaves the strain increment alone."""
     stress, state, increment = rows.stress.copy(), rows.state.copy(), rows.accepted(rows.stress, rows.state, 1e-5)
     given = increment.copy()
-    result = rows.material.compute_stress(stress, increment, state, 1e-5)
+    result: Any = rows.material.compute_stress(stress, increment, state, 1e-5)  # type: ignore[func-returns-value]
     if result is not None:
         raise ShapeError(
             f"{rows.law}.compute_stress returned {type(result).__name__}; write into `stress` and `state` "
