@@ -15,12 +15,13 @@ from periporo.materials.elastic import Elastic
 
 def test_importing_periporo_imports_nothing_else_and_touches_no_file(tmp_path):
     probe = (
-        "import sys, os; import periporo\n"
+        "import sys, os; import periporo, periporo.materials\n"
         "loaded = {m.split('.')[0] for m in sys.modules}\n"
         "heavy = {'numpy', 'numba', 'mpi4py', 'h5py', 'pydantic', 'yaml', 'rich'} & loaded\n"
         "assert not heavy, heavy\n"
         "assert not os.path.exists(os.environ['PERIPORO_CACHE'])\n"
         "assert set(periporo.__all__) <= set(dir(periporo))\n"
+        "assert set(periporo.materials.__all__) <= set(dir(periporo.materials))\n"
         "from periporo import InputError, Simulation, open_results, run\n"
     )
     environment = {"PERIPORO_CACHE": str(tmp_path / "cache"), "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)}
