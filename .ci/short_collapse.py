@@ -1,7 +1,7 @@
 """The column collapse, coarse and short, for a job that continuous integration runs and reads back.
 
 python short_collapse.py write column.yaml     the scene
-python short_collapse.py read column.h5        check of its results, by h5py and by VTK's own reader
+python short_collapse.py read column.vtkhdf        check of its results, by h5py and by VTK's own reader
 """
 
 import sys

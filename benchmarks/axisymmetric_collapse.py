@@ -34,7 +34,7 @@ UNFINISHED = 3  # exit status
 POINTS = 42_000  # about
 COLUMNS = ("a", "points", "run-out / R", "outermost", "Lube", "height / R", "Lube", "t, s", "K / peak", "free-flying",
            "steps", "wall, s")  # fmt: skip
-SCENE, RESULT = "cylinder.yaml", "cylinder.h5"
+SCENE, RESULT = "cylinder.yaml", "cylinder.vtkhdf"
 
 
 def scene(aspect: float, points: int, stiffer: float = 1.0, slope: float | None = None) -> dict:

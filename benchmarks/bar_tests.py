@@ -49,7 +49,7 @@ def struck_bar(folder: Path, ranks: int = 2) -> dict[str, np.ndarray]:
     mpirun = Path(sys.executable).with_name("mpirun")
     launcher = [mpirun if mpirun.exists() else "mpirun", "-n", str(ranks)]
     subprocess.run([*launcher, *words], check=True, cwd=folder)
-    with open_results(folder / f"{SCENE.stem}.h5") as results:
+    with open_results(folder / f"{SCENE.stem}.vtkhdf") as results:
         x = results.positions(0)[:, 0]
         force = np.array([results.field("internal_force", k)[:, 0] for k in range(len(results))])
         stress = {"struck": force[:, x > STRUCK].sum(axis=1), "rest": -force[:, x < REST].sum(axis=1)}

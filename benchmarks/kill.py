@@ -90,7 +90,7 @@ def outputs_in_vtk(path):
 def found(folder):
     """What a killed part left: steps of the checkpoints, outputs in the result file."""
     steps = [p.name.split("-")[1][:12].lstrip("0") for p in sorted(folder.glob("*.checkpoint-*.h5"))]
-    file = folder / "scene.h5"
+    file = folder / "scene.vtkhdf"
     outputs = len(datasets(file)["VTKHDF/Steps/Values"]) if file.exists() and steps else 0
     seen = outputs_in_vtk(file) if outputs else 0
     if seen != outputs:
@@ -108,8 +108,8 @@ def main(words=None):
     moments, folder = random.Random(arguments.seed), Path(tempfile.mkdtemp(prefix="kill-"))
     (folder / "scene.yaml").write_text(yaml.safe_dump(SCENE))
     subprocess.run(COMMAND, cwd=folder, check=True)
-    expected = datasets(folder / "scene.h5")
-    (folder / "scene.h5").unlink()
+    expected = datasets(folder / "scene.vtkhdf")
+    (folder / "scene.vtkhdf").unlink()
     kills, messages = 0, (folder / "messages.txt").open("a")
     while True:
         part = subprocess.Popen([*command(arguments.ranks), "--resume"], cwd=folder, stderr=messages)
@@ -124,7 +124,7 @@ def main(words=None):
         if status != 0:
             raise SystemExit(f"a part failed with status {status} in {folder}")
         break
-    ended = datasets(folder / "scene.h5")
+    ended = datasets(folder / "scene.vtkhdf")
     same = all(np.array_equal(expected[n], ended[n], equal_nan=expected[n].dtype.kind == "f") for n in expected)
     outcome = "the same, bit for bit" if same else "DIFFERENT"
     print(f"{kills} kills, {arguments.ranks} ranks; the results are {outcome} ({folder})")

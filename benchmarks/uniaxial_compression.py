@@ -32,7 +32,7 @@ from . import FIGURES, option_parser
 from .library.uniaxial_figures import draw
 from .library.verification_cases import BALANCED, OPTIONS
 
-SCENE, RESULT, FAILURE = "block.yaml", "block.h5", "failure.npz"
+SCENE, RESULT, FAILURE = "block.yaml", "block.vtkhdf", "failure.npz"
 LENGTH = 0.975  # m, between the innermost held points
 LAYERS = 3  # columns of points that are held, or driven, at each end
 SPEED = 5e-3  # m/s, of the driven end

@@ -67,6 +67,12 @@ class RigidContact:
         gap, _ = self.surface.gap(p.position[rows] - shift)
         stiffness[rows[gap < _SOON * self.reach]] += self.stiffness
 
+    def outline(self, p: Particles, time: float, middle: np.ndarray, size: float):
+        """How the obstacle is drawn at this time, see `Surface.outline`."""
+        shift = self._shift(p, time)
+        points, cells = self.surface.outline(middle - shift, size)
+        return points + shift, cells
+
     def memory(self) -> dict:
         """What a checkpoint keeps."""
         return {"time": self._time}

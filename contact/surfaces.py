@@ -9,6 +9,9 @@ from typing import Protocol
 import numpy as np
 
 from periporo.core.numerics.jit import kernel
+from periporo.core.points.cells import HEXAHEDRON, LINE, POLY_LINE, POLYGON, QUAD, Outline
+
+_AROUND = 64  # sides of a circle that is drawn
 
 
 class Surface(Protocol):
@@ -16,6 +19,9 @@ class Surface(Protocol):
 
     def gap(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distance (n,) m of each position (n, d) to the surface, negative inside, and outward normal (n, d)."""
+
+    def outline(self, middle: np.ndarray, size: float) -> Outline:
+        """How it is drawn; what has no end, as far as `size` m around `middle` (d,)."""
 
 
 class Plane:
@@ -31,6 +37,16 @@ class Plane:
         gap, normal = np.empty(len(position)), np.empty_like(position)
         _plane_gap(position, self.point, self.normal, gap, normal)
         return gap, normal
+
+    def outline(self, middle, size):
+        """See `Surface.outline`."""
+        center = middle - ((middle - self.point) @ self.normal) * self.normal
+        if len(center) == 2:
+            along = np.array([-self.normal[1], self.normal[0]])
+            return np.array([center - size * along, center + size * along]), [(LINE, (0, 1))]
+        first, second = np.linalg.qr(np.column_stack([self.normal, np.eye(3)]))[0][:, 1:3].T
+        corners = [a * first + b * second for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        return center + size * np.array(corners), [(QUAD, range(4))]
 
 
 class Box:
@@ -52,6 +68,13 @@ class Box:
         normal = np.where(inside[:, None], inside_normal, away / np.where(inside, 1.0, distance)[:, None])
         return np.where(inside, -depth[rows, face], distance), normal
 
+    def outline(self, middle, size):
+        """See `Surface.outline`."""
+        corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
+        d = len(self.lower)
+        chosen = corners[: 2**d, :d]
+        return np.where(chosen, self.upper, self.lower), [(QUAD if d == 2 else HEXAHEDRON, range(2**d))]
+
 
 class Disc:
     """Solid disc in the plane; points stay outside."""
@@ -63,6 +86,10 @@ class Disc:
         """See `Surface.gap`; at the very centre the way out is along the first axis."""
         distance, normal = _radial(position - self.center)
         return distance - self.radius, normal
+
+    def outline(self, middle, size):
+        """See `Surface.outline`."""
+        return self.center + self.radius * _circle(), [(POLYGON, range(_AROUND))]
 
 
 class Cylinder:
@@ -87,6 +114,15 @@ class Cylinder:
         normal = (beside * radial + beyond * axial) / np.where(rim > 0.0, rim, 1.0)[:, None]
         return np.where(rim > 0.0, rim, np.maximum(side, end)), normal
 
+    def outline(self, middle, size):
+        """See `Surface.outline`."""
+        points = np.tile(self.base, (2 * _AROUND, 1))
+        points[:, [(self.axis + 1) % 3, (self.axis + 2) % 3]] += self.radius * np.tile(_circle(), (2, 1))
+        points[_AROUND:, self.axis] += self.height
+        around = range(_AROUND)
+        sides = [(QUAD, (k, (k + 1) % _AROUND, _AROUND + (k + 1) % _AROUND, _AROUND + k)) for k in around]
+        return points, [(POLYGON, around), (POLYGON, range(_AROUND, 2 * _AROUND)), *sides]
+
 
 class Polyline:
     """Ground to the right of a polyline in the plane: points stay on the left along its vertices (n, 2).
@@ -109,6 +145,21 @@ class Polyline:
         gap, normal = np.empty(len(position)), np.empty_like(position)
         _polyline_gap(position, self.start, self.edge, self.convex, self.closed, gap, normal)
         return gap, normal
+
+    def outline(self, middle, size):
+        """See `Surface.outline`."""
+        points = np.concatenate([self.start, [self.start[-1] + self.edge[-1]]])
+        if not self.closed:
+            for end, edge in ((0, -self.edge[0]), (-1, self.edge[-1])):
+                direction = edge / np.sqrt((edge**2).sum())
+                points[end] += max(size + (middle - points[end]) @ direction, 0.0) * direction
+        return points, [(POLY_LINE, range(len(points)))]
+
+
+def _circle():
+    """Points (_AROUND, 2) of the unit circle."""
+    angle = np.linspace(0.0, 2.0 * np.pi, _AROUND, endpoint=False)
+    return np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def _radial(relative, first=0):

@@ -40,7 +40,7 @@ def run(
     """Run a scene, or the rest of it, as the command line does: with results, checkpoints, watchdog and progress.
 
     - `source`: YAML file, dictionary or `SceneInput`
-    - `file`: of the results; by default what the scene says, or the name of its file with .h5
+    - `file`: of the results; by default what the scene says, or the name of its file with .vtkhdf
     - `comm`: the ranks, by default all
     - `resume`: go on from the newest checkpoint; `overwrite`: replace an existing result file
     - `walltime`: s after which to write a checkpoint and stop
@@ -58,9 +58,9 @@ def run(
     ...     "bodies": [{"name": "block", "material": "soil", "shape": box}],
     ...     "stages": [{"name": "fall", "type": "dynamics", "duration": 1e-3}],
     ... }
-    >>> file = run(scene, "fall.h5", quiet=True)
+    >>> file = run(scene, "fall.vtkhdf", quiet=True)
     >>> file.name
-    'fall.h5'
+    'fall.vtkhdf'
     """
     began = time.monotonic()
     comm = MPI.COMM_WORLD if comm is None else comm
@@ -113,8 +113,8 @@ def run(
 def _target(scene, source, file) -> Path:
     """The result file: as asked for, as the scene says, or named after the scene's file."""
     if file is None and scene.output.file is None and not isinstance(source, str | Path):
-        raise ValueError("where should the results go? Give run(..., file='name.h5') or the scene's output.file")
-    return Path(file or scene.output.file or f"{Path(source).stem}.h5")
+        raise ValueError("where should the results go? Give run(..., file='name.vtkhdf') or the scene's output.file")
+    return Path(file or scene.output.file or f"{Path(source).stem}.vtkhdf")
 
 
 def _how_to_resume(source) -> str:

@@ -14,6 +14,7 @@ from periporo.core.motion.dissipation import PlasticDissipation, reports
 from periporo.core.motion.stages import DynamicsStage, RelaxStage
 from periporo.core.motion.timestep import StableTimeStep
 from periporo.core.points import fields
+from periporo.core.points.extent import Extent
 from periporo.core.points.particles import Particles
 from periporo.core.scene.boundaries import build_boundary
 from periporo.core.scene.contacts import bonding_groups, build_contact, build_repulsion, is_present, refuse_penetration
@@ -22,6 +23,7 @@ from periporo.core.simulation import Simulation
 from periporo.core.water.pore_water import PoreWater, retention_curve
 from periporo.errors import InputError, Problem
 from periporo.io.geometry import lattice as geometry
+from periporo.io.geometry.origin import relative, scene_origin
 from periporo.io.schema.scene import SceneInput
 
 SKIN = 0.3  # spacings
@@ -30,7 +32,12 @@ SCHEMES = {s.name: s for s in (BondProjected, PointState, Standard, SubHorizon, 
 
 
 def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
-    """The simulation that a `SceneInput` describes, distributed over the ranks of `comm`."""
+    """The simulation that a `SceneInput` describes, distributed over the ranks of `comm`.
+
+    Its places are counted from `Simulation.origin`, see `io.geometry.origin`.
+    """
+    origin = scene_origin(scene)
+    scene = relative(scene, origin)
     particles = Particles(scene.dimension)
     materials = [m.create() for m in scene.materials.values()]
     water = None
@@ -68,8 +75,9 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
     repulsion = build_repulsion(sim)
     repulsion.attach(particles, sim.forces)
     lattices = geometry.build_lattices(scene)
+    sim.origin, sim.extent = origin, _extent(scene, lattices)
     _place_points(scene, comm, particles, materials, water, lattices)
-    refuse_penetration(scene, contacts, particles, comm)
+    refuse_penetration(scene, contacts, sim)
     if scene.initial_stress is not None:
         sim.bonds.initial_stress = _initial_stress(scene, materials, water, lattices)
         sim.bonds.initial_stress_is_total = water is not None and scene.initial_stress.type == "geostatic"
@@ -108,6 +116,14 @@ def _place_points(scene, comm, particles, materials, water, lattices):
     owned["initial_position"] = owned["position"].copy()
     owned["reference_position"] = owned["position"].copy()
     particles.replace(owned, 0)
+
+
+def _extent(scene, lattices):
+    gravity = scene.vector(scene.gravity)
+    strength = float(np.sqrt((gravity**2).sum()))
+    up = -gravity / strength if strength else np.eye(scene.dimension)[-1]
+    lower, upper = np.min([b.lower for b in lattices], axis=0), np.max([b.upper for b in lattices], axis=0)
+    return Extent(lower, upper, up + 0.0)  # no minus zero
 
 
 def _no_points(particles):

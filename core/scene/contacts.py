@@ -11,6 +11,7 @@ from periporo.contact.rigid import RigidContact
 from periporo.contact.short_range_published import ShortRangePublished
 from periporo.core.correspondence.influence import influence
 from periporo.errors import InputError, Problem
+from periporo.io.geometry.origin import place_text
 
 _TOUCH = 0.01  # spacings by which cells and obstacles may overlap when motion begins
 _PUSHED_OUT = 0.6  # the same when relaxation begins
@@ -45,13 +46,13 @@ def is_present(model, stage) -> bool:
     return model.stages is None or stage.name in model.stages
 
 
-def refuse_penetration(scene, contacts, p, comm) -> None:
+def refuse_penetration(scene, contacts, sim) -> None:
     """Raise InputError, on all ranks alike, if a body reaches into an obstacle of the first stage.
 
     contacts: pairs of input model and contact. A cell that overlaps an obstacle would be shot out of it. Relaxation
     pushes out what overlaps by about half a cell; motion may begin with the overlap of the jitter only.
     """
-    stage = scene.stages[0]
+    p, comm, stage = sim.particles, sim.comm, scene.stages[0]
     jitter = np.array([body.jitter for body in scene.bodies])
     allowed = np.full(len(jitter), _PUSHED_OUT) if stage.type == "relax" else jitter + _TOUCH
     problems = []
@@ -64,13 +65,13 @@ def refuse_penetration(scene, contacts, p, comm) -> None:
         mine = (excess[worst], gap[worst], p.body[worst], p.position[worst].tolist()) if p.owned else (-np.inf,)
         excess, *found = max(comm.allgather(mine))
         if excess > 0.0:
-            problems.append(Problem(("contacts", number), _penetration(scene, model, stage, *found)))
+            problems.append(Problem(("contacts", number), _penetration(scene, model, stage, sim.origin, *found)))
     if problems:
         raise InputError("scene", problems)
 
 
-def _penetration(scene, model, stage, gap, body, place) -> str:
-    at = ", ".join(f"{x:.4g}" for x in place)
+def _penetration(scene, model, stage, origin, gap, body, place) -> str:
+    at = place_text(place, origin, 4)
     message = (
         f"the body '{scene.bodies[body].name}' reaches {0.5 * scene.spacing - gap:.3g} m into this {model.type}: the "
         f"point at ({at}) stands for a cell of {scene.spacing:g} m; move one of them apart"
@@ -121,7 +122,7 @@ def bonding_groups(scene) -> np.ndarray:
     """
     names = [b.name for b in scene.bodies]
     touching = {frozenset((c.first, c.second)) for c in scene.contacts if c.type == "bodies"}
-    named = set().union(*touching)
+    named = scene.bodies_in_contact()
     for pair in combinations(names, 2):
         if named.intersection(pair) and frozenset(pair) not in touching:
             first, second = pair

@@ -8,7 +8,8 @@ that is the total stress, with the density of the layers at the start; sigma_bar
 import numpy as np
 
 from periporo.core.numerics.tensors import INDEX_PAIRS, component_count
-from periporo.io.geometry.lattice import Lattice, inside_polygon
+from periporo.io.geometry.lattice import Lattice
+from periporo.io.geometry.shapes import inside_polygon
 from periporo.io.schema.bodies import Box, Cylinder, Disc, Points, Polygon, Sphere
 
 Spans = list[tuple[np.ndarray, np.ndarray]]

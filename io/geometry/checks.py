@@ -7,6 +7,7 @@ import numpy as np
 
 from periporo.errors import Problem
 from periporo.io.geometry.lattice import CHUNK, Lattice, build_lattices
+from periporo.io.geometry.origin import place_text, relative, scene_origin
 from periporo.io.geometry.points import PointFileError, read_points
 from periporo.io.schema.base import MAX_LENGTH
 from periporo.io.schema.bodies import Points
@@ -18,31 +19,29 @@ MAX_SITES = 2 * 10**9
 def geometry_problems(scene: SceneInput) -> Iterator[Problem]:
     """Bodies that are too small, too large, empty, or that overlap."""
     try:
-        lattices = build_lattices(scene)
+        origin = scene_origin(scene)
+        lattices = build_lattices(relative(scene, origin))
     except PointFileError:
         yield from _file_problems(scene)
         return
-    found = False
-    for k, lattice in enumerate(lattices):
-        message = _size_problem(lattice)
-        if message:
-            found = True
-            yield Problem(("bodies", k, "shape"), message)
+
+    problems = {k: message for k, lattice in enumerate(lattices) if (message := _size_problem(lattice, origin))}
+    for k, message in problems.items():
+        yield Problem(("bodies", k, "shape"), message)
     total = sum(lattice.size for lattice in lattices)
     if total > MAX_SITES:
-        found = True
         yield Problem(("spacing",), f"{total:.3g} points are too many (at most {MAX_SITES:.0e}); enlarge it")
-    if found:
+    if problems or total > MAX_SITES:
         return
     for k, second in enumerate(lattices):
-        for first in lattices[:k]:
-            place = find_overlap(first, second)
-            if place is not None:
-                at = ", ".join(f"{c:.4g}" for c in place)
-                message = (
-                    f"overlaps the body '{first.body.name}': points closer than half a spacing at ({at})"
-                )
-                yield Problem(("bodies", k, "shape"), message)
+        overlapped = [(first, place) for first in lattices[:k] if (place := find_overlap(first, second)) is not None]
+        for first, place in overlapped:
+            at = place_text(place, origin, 4)
+            message = f"overlaps the body '{first.body.name}': points closer than half a spacing at ({at})"
+            yield Problem(("bodies", k, "shape"), message)
+        if not overlapped and not any(len(ids) for ids, *_ in second.chunks()):
+            message = f"contains no point: it is thinner than the spacing ({second.spacing:g} m)"
+            yield Problem(("bodies", k, "shape"), message)
 
 
 def _file_problems(scene: SceneInput) -> Iterator[Problem]:
@@ -54,16 +53,14 @@ def _file_problems(scene: SceneInput) -> Iterator[Problem]:
                 yield Problem(("bodies", k, "shape", "file"), str(error))
 
 
-def _size_problem(lattice: Lattice) -> str | None:
+def _size_problem(lattice: Lattice, origin: np.ndarray) -> str | None:
     if isinstance(lattice.body.shape, Points):
-        if max(np.abs(lattice.lower).max(), np.abs(lattice.upper).max()) > MAX_LENGTH:
+        if max(np.abs(lattice.lower + origin).max(), np.abs(lattice.upper + origin).max()) > MAX_LENGTH:
             return f"the file has a coordinate beyond {MAX_LENGTH:g} m"
         return "the file has two points closer than half a spacing" if _has_close_rows(lattice) else None
     for axis, side in zip("xyz", lattice.upper - lattice.lower, strict=False):
         if side < 0.999 * lattice.spacing:
             return f"is {side:.3g} m long along {axis}, less than one spacing ({lattice.spacing:g} m)"
-    if lattice.size <= MAX_SITES and not any(len(ids) for ids, *_ in lattice.chunks()):
-        return f"contains no point: it is thinner than the spacing ({lattice.spacing:g} m)"
     return None
 
 
@@ -77,6 +74,8 @@ def find_overlap(first: Lattice, second: Lattice) -> np.ndarray | None:
 
     Looks only where the bodies' boxes meet, slab by slab.
     """
+    if first in second.company:
+        return _contested_place(first, second)
     h = first.spacing
     margin = (1.0 + first.body.jitter + second.body.jitter) * h
     lower, upper = (
@@ -91,6 +90,16 @@ def find_overlap(first: Lattice, second: Lattice) -> np.ndarray | None:
         place = close_pair(a, b, 0.5 * h)
         if place is not None:
             return place
+    return None
+
+
+def _contested_place(first: Lattice, second: Lattice) -> np.ndarray | None:
+    """A site (d,) m of a common lattice that both bodies hold, or None."""
+    lower, upper = np.maximum(first.lower, second.lower), np.minimum(first.upper, second.upper)
+    for low, high in _slabs(first, lower, upper) if (lower < upper).all() else ():
+        places = first.contested(second, low, high)
+        if len(places):
+            return places[0]
     return None
 
 

@@ -2,6 +2,9 @@
 
 A lattice covers the bounding box of a body with cells of one spacing. Site k has the global id
 `first_id + k`; the last axis counts fastest. Points stand in the centres of the cells that lie inside.
+
+Bodies that meet and bond continue the lattice of the first of them, so that there is no seam between them. A site
+belongs to the first body that holds it; one that rounding puts outside of two bodies with a common edge, to the first.
 """
 
 import math
@@ -11,11 +14,14 @@ from functools import cached_property
 import numpy as np
 
 from periporo.core.numerics.random_numbers import uniform
-from periporo.io.geometry.points import PointTable, read_points
-from periporo.io.schema.bodies import Body, Box, Cylinder, Disc, Points, Polygon, Shape, Sphere
+from periporo.io.geometry.points import PointTable
+from periporo.io.geometry.shapes import bounds, holds, inside, table
+from periporo.io.schema.bodies import Body, Box, Cylinder, Disc, Points, Sphere
 from periporo.io.schema.scene import SceneInput
 
 CHUNK = 2**17  # sites looked at in one go
+
+EDGE = 1e-6  # spacings within which a point lies on a bound
 
 Sites = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
@@ -24,15 +30,19 @@ class Lattice:
     """The sites of one body of a scene.
 
     `size` sites, numbered from the global id `first_id`; not every site lies inside the shape. `material` is the
-    index of the body's material, `layers` lists (level, index) of those above, ascending.
+    index of the body's material, `layers` lists (level, index) of those above, ascending. `company` are the bodies
+    that share a lattice with this one, and itself, in the order of the scene.
     """
 
-    def __init__(self, scene: SceneInput, body: Body, first_id: int = 0):
+    def __init__(self, scene: SceneInput, body: Body, company: "list[Lattice] | None" = None):
         self.body = body
-        self.first_id = first_id
+        self.first_id = 0
+        self.company = [] if company is None else company
+        self.company.append(self)
         self.spacing = scene.spacing
         self.dimension = scene.dimension
-        self.lower, self.upper = _bounds(body.shape, scene.dimension)
+        self.lower, self.upper = bounds(body.shape, scene.dimension)
+        self.tolerance = EDGE * scene.spacing
         self._seed = scene.seed
         self._gravity = scene.vector(scene.gravity)
         names = list(scene.materials)
@@ -44,6 +54,13 @@ class Lattice:
         """Cells along each axis; the rows of the file for points from a file."""
         if self._table is not None:
             return (len(self._table.positions),)
+        if len(self.company) == 1:
+            return self._own_counts
+        last = self._cells_within(self.lower, self.upper)[1]
+        return tuple(np.maximum(last - self._first_cell + 1, 0).tolist())
+
+    @property
+    def _own_counts(self):
         return tuple(max(1, round(float(side) / self.spacing)) for side in self.upper - self.lower)
 
     @property
@@ -60,14 +77,13 @@ class Lattice:
         return self._points(index)
 
     def sites_within(self, lower: np.ndarray, upper: np.ndarray) -> Sites:
-        """Points whose places before jitter lie between two corners (d,) m; as `sites`."""
+        """Points whose places before jitter lie between two corners (d,) m, or on the edge; as `sites`."""
         if self._table is not None:
-            x = self._table.positions
-            return self._points(np.flatnonzero(((x >= lower) & (x <= upper)).all(axis=1)))
-        first = np.maximum(np.ceil((lower - self._origin) / self.spacing - 0.5), 0).astype(np.int64)
-        last = np.floor((upper - self._origin) / self.spacing - 0.5).astype(np.int64)
+            x, edge = self._table.positions, self.tolerance
+            return self._points(np.flatnonzero(((x >= lower - edge) & (x <= upper + edge)).all(axis=1)))
+        first, last = (cells - self._first_cell for cells in self._cells_within(lower, upper))
         ranges = [
-            np.arange(low, min(high + 1, n), dtype=np.int64)
+            np.arange(max(low, 0), min(high + 1, n), dtype=np.int64)
             for low, high, n in zip(first, last, self.counts, strict=True)
         ]
         index = np.zeros((1,), dtype=np.int64)
@@ -83,13 +99,29 @@ class Lattice:
     @cached_property
     def _table(self) -> PointTable | None:
         shape = self.body.shape
-        return read_points(shape.file, self.dimension) if isinstance(shape, Points) else None
+        return table(shape, self.dimension) if isinstance(shape, Points) else None
+
+    def _cells_within(self, lower, upper):
+        """First and last cells (d,) along each axis, counted from `_origin`, whose centres lie between two corners."""
+        first = np.ceil((lower - self._origin) / self.spacing - 0.5 - EDGE)
+        last = np.floor((upper - self._origin) / self.spacing - 0.5 + EDGE)
+        most = 2.0**62
+        return np.clip(first, -most, most).astype(np.int64), np.clip(last, -most, most).astype(np.int64)
+
+    @cached_property
+    def _first_cell(self) -> np.ndarray:
+        """Number (d,) of the first cell along each axis."""
+        if len(self.company) == 1:
+            return np.zeros(self.dimension, np.int64)
+        return self._cells_within(self.lower, self.upper)[0]
 
     @cached_property
     def _origin(self) -> np.ndarray:
-        """Lower corner of the first cell; round shapes keep their symmetry."""
+        """Lower corner of cell 0, for the first of several bodies to share; round shapes keep their symmetry."""
+        if self.company[0] is not self:
+            return self.company[0]._origin
         shape, origin = self.body.shape, self.lower.copy()
-        middle = (self.lower + self.upper - self.spacing * np.array(self.counts)) / 2.0
+        middle = (self.lower + self.upper - self.spacing * np.array(self._own_counts)) / 2.0
         if isinstance(shape, Disc | Sphere):
             return middle
         if isinstance(shape, Cylinder):
@@ -106,9 +138,9 @@ class Lattice:
                 volumes = self._table.volumes[index]
         else:
             cells = np.stack(np.unravel_index(index, self.counts), axis=1)
-            positions = self._origin + (cells + 0.5) * self.spacing
-            inside = _inside(self.body.shape, positions)
-            index, positions, volumes = index[inside], positions[inside], volumes[inside]
+            positions = self._origin + (cells + self._first_cell + 0.5) * self.spacing
+            mine = self._owns(positions)
+            index, positions, volumes = index[mine], positions[mine], volumes[mine]
         materials = self._materials_at(positions)
         ids = index + self.first_id
         if self.body.jitter:
@@ -116,73 +148,72 @@ class Lattice:
             positions = positions + self.body.jitter * self.spacing * shift
         return ids, positions, volumes, materials
 
+    def contested(self, other: "Lattice", lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+        """Places (n, d) of the sites between two corners that both bodies hold, not only on a common edge."""
+        first, last = self._cells_within(lower, upper)
+        cells = np.stack(np.meshgrid(*map(np.arange, first, last + 1), indexing="ij"), axis=-1)
+        positions = self._origin + (cells.reshape(-1, self.dimension) + 0.5) * self.spacing
+        both = [holds(lattice.body.shape, positions, -self.tolerance) for lattice in (self, other)]
+        return positions[both[0] & both[1]]
+
+    def _owns(self, positions: np.ndarray) -> np.ndarray:
+        """Which of the body's cells with centres at `positions` (n, d) are its own, (n,) bool."""
+        mine = inside(self.body.shape, positions)
+        if len(self.company) == 1:
+            return mine
+        lost = ~mine & holds(self.body.shape, positions, self.tolerance)  # on an edge, and perhaps in no body
+        shared, before = np.zeros(len(positions), bool), True
+        for other in self.company:
+            if other is self:
+                before = False
+                continue
+            near = holds(other.body.shape, positions, self.tolerance)
+            theirs = near & inside(other.body.shape, positions)
+            shared |= near
+            lost &= ~(near if before else theirs)
+            if before:
+                mine &= ~theirs
+        return mine | (lost & shared)
+
     def _materials_at(self, positions: np.ndarray) -> np.ndarray:
         materials = np.full(len(positions), self.material, dtype=np.int64)
         if self.layers:
             level = -positions @ (self._gravity / np.sqrt(np.sum(self._gravity**2)))
             for above, material in self.layers:
-                materials[level >= above] = material
+                materials[level >= above - self.tolerance] = material
         return materials
 
 
 def build_lattices(scene: SceneInput) -> list[Lattice]:
-    """A lattice for every body; their ids follow each other."""
-    lattices, first_id = [], 0
-    for body in scene.bodies:
-        lattices.append(Lattice(scene, body, first_id))
-        first_id += lattices[-1].size
+    """A lattice for every body; their ids follow each other. Raises PointFileError."""
+    companies: dict[int, list[Lattice]] = {}
+    pairs = zip(scene.bodies, _companies(scene), strict=True)
+    lattices = [Lattice(scene, body, companies.setdefault(first, [])) for body, first in pairs]
+    first_id = 0
+    for lattice in lattices:
+        lattice.first_id = first_id
+        first_id += lattice.size
     return lattices
+
+
+def _companies(scene: SceneInput) -> list[int]:
+    """For each body the first of those that it shares a lattice with: they meet, directly or by others, and bond."""
+    touching = scene.bodies_in_contact()
+    first = list(range(len(scene.bodies)))
+    corners = [bounds(body.shape, scene.dimension) for body in scene.bodies]
+    for k, body in enumerate(scene.bodies):
+        if body.lattice == "own" or body.name in touching or isinstance(body.shape, Points):
+            corners[k] = np.full(scene.dimension, np.inf), np.full(scene.dimension, -np.inf)
+        lower, upper = corners[k]
+        for j in range(k):
+            if (corners[j][0] <= upper + scene.spacing).all() and (corners[j][1] >= lower - scene.spacing).all():
+                old, new = sorted((first[j], first[k]), reverse=True)
+                first = [new if f == old else f for f in first]
+    return first
 
 
 def count_points(lattice: Lattice) -> int:
     """Number of points of a body."""
-    if isinstance(lattice.body.shape, Box | Points):
+    if isinstance(lattice.body.shape, Box | Points) and lattice.company[0] is lattice:
         return lattice.size
     return sum(len(ids) for ids, *_ in lattice.chunks())
-
-
-def _bounds(shape: Shape, dimension: int) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper corner (d,) m of the box around a shape."""
-    match shape:
-        case Box():
-            return np.array(shape.lower), np.array(shape.upper)
-        case Disc() | Sphere():
-            return np.array(shape.center) - shape.radius, np.array(shape.center) + shape.radius
-        case Cylinder():
-            base, along = np.array(shape.base), np.arange(3) == "xyz".index(shape.axis)
-            lower = base - np.where(along, 0.0, shape.radius)
-            return lower, base + np.where(along, shape.height, shape.radius)
-        case Polygon():
-            corners, extrude = np.array(shape.vertices), [[z] for z in shape.extrude or ()]
-            sides = np.concatenate(
-                [[corners.min(axis=0), corners.max(axis=0)], np.array(extrude or [[], []])], axis=1
-            )
-            return sides[0], sides[1]
-        case Points():
-            positions = read_points(shape.file, dimension).positions
-            return positions.min(axis=0), positions.max(axis=0)
-
-
-def _inside(shape: Shape, positions: np.ndarray) -> np.ndarray:
-    """Which of `positions` (n, d) lie inside a shape, (n,) bool."""
-    match shape:
-        case Disc() | Sphere():
-            return np.sum((positions - shape.center) ** 2, axis=1) <= shape.radius**2
-        case Cylinder():
-            across = [axis for axis in range(3) if "xyz"[axis] != shape.axis]
-            return np.sum((positions - shape.base)[:, across] ** 2, axis=1) <= shape.radius**2
-        case Polygon():
-            return inside_polygon(np.array(shape.vertices), positions)
-        case _:
-            return np.ones(len(positions), dtype=bool)
-
-
-def inside_polygon(corners: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """Even-odd rule: a ray along x from an inner point crosses an odd number of edges."""
-    x, y = positions[:, 0], positions[:, 1]
-    inside = np.zeros(len(positions), dtype=bool)
-    for (xa, ya), (xb, yb) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        if ya != yb:
-            spans = (ya > y) != (yb > y)
-            inside ^= spans & (x < xa + (y - ya) * ((xb - xa) / (yb - ya)))
-    return inside

@@ -1,6 +1,7 @@
 """Points of a body from a file: CSV, or VTK files through the optional `vtk` package."""
 
 import csv
+import math
 import warnings
 from dataclasses import dataclass
 from functools import lru_cache
@@ -25,26 +26,47 @@ class PointTable:
     volumes: np.ndarray | None
 
 
-def read_points(name: str, dimension: int) -> PointTable:
-    """The points of file `name`, read once. Raises PointFileError if they cannot be used as they are."""
+def read_points(name: str, dimension: int, origin: tuple[float, ...] = ()) -> PointTable:
+    """The points of file `name`, read once, their places counted from `origin` (d,) m, by default as in the file.
+
+    Raises PointFileError if they cannot be used as they are.
+    """
     try:
         found = Path(name).stat()
     except OSError as error:
         raise PointFileError(f"the file cannot be read: {error.strerror}") from None
     if found.st_size > MAX_FILE_BYTES:
         raise PointFileError(f"the file is larger than {MAX_FILE_BYTES // 10**9} GB")
-    return _read(Path(name), dimension, found.st_mtime_ns)
+    return _read(Path(name), dimension, found.st_mtime_ns, origin)
 
 
 @lru_cache(maxsize=8)
-def _read(path: Path, dimension: int, _modified: int) -> PointTable:
+def _read(path: Path, dimension: int, _modified: int, origin: tuple[float, ...]) -> PointTable:
     suffix = path.suffix.lower()
     if suffix != ".csv" and suffix not in _VTK_SUFFIXES:
         raise PointFileError(f"unknown kind of file '{suffix}'; allowed: .csv, {', '.join(_VTK_SUFFIXES)}")
     positions, volumes = _from_csv(path, dimension) if suffix == ".csv" else _from_vtk(path, dimension)
     _refuse_bad_rows(positions, volumes, first_row=2 if suffix == ".csv" else 0)
+    if origin:
+        positions = counted_from(positions, origin)
     positions.setflags(write=False)
     return PointTable(positions, volumes)
+
+
+def counted_from(value, origin):
+    """Coordinates, a number or an array (n, d) of them, counted from `origin`, a number or (d,), m.
+
+    With the digits that they were written with: 4000000.005 becomes .005 and not .00499999988824129.
+    """
+    if np.ndim(value) == 0:
+        return round(value - origin, _decimals(value, origin)) if origin else value
+    columns = zip(value.T, origin, strict=True)
+    return np.stack([np.round(x - o, _decimals(np.abs(x).max(), o)) if o else x for x, o in columns], axis=1)
+
+
+def _decimals(*values) -> int:
+    """Decimals to which the largest of some numbers is known in binary."""
+    return math.floor(-math.log10(math.ulp(max(map(abs, values)))))
 
 
 def _refuse_bad_rows(positions: np.ndarray, volumes: np.ndarray | None, first_row: int) -> None:

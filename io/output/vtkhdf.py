@@ -22,15 +22,13 @@ from pathlib import Path
 
 import numpy as np
 
+from periporo.core.points.cells import VERTEX, Cells, joined
 from periporo.errors import OutputError
 from periporo.io.output.lock import Lock, Locked
 from periporo.io.output.vtkhdf_layout import (
     COUNTS,
     HISTORY_ROWS,
-    NO_CELLS,
     STORED_COMPONENTS,
-    VERTEX,
-    Cells,
     Index,
     create,
     cut,
@@ -95,8 +93,8 @@ class ResultFile:
         """Reserve the space of an output of `rows` points and the obstacles `cells`, so that a full disk shows before
         it is written."""
         grid, ends = self._grid, self._index.ends
-        self._rows, self._cells = rows, (NO_CELLS if cells is None else cells) if self.obstacles else None
-        drawn = self._cells or NO_CELLS
+        drawn = joined({}) if cells is None or not self.obstacles else cells
+        self._rows, self._cells = rows, drawn if self.obstacles else None
         stored = ends["rows"] + rows + len(drawn.points)
         added = [(dataset, stored) for dataset in (grid["Points"], *grid["PointData"].values())]
         added += [(grid["Types"], ends["Types"] + rows + len(drawn.types))]

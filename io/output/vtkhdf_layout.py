@@ -3,7 +3,6 @@
 What they hold is said in `io.output.vtkhdf`.
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -16,7 +15,6 @@ from periporo.io.output.lock import Lock, Locked
 _CHUNK_ROWS = 8192
 INDEX_ROWS = 512  # chunk of the datasets with one row per output
 HISTORY_ROWS = 4096
-VERTEX, NO_CELL = 1, 0  # VTK's cell types
 _AXES = ("x", "y", "z")
 STORED_COMPONENTS = {1: (), 2: _AXES, 3: _AXES, 4: COMPONENTS, 6: COMPONENTS}
 COUNTS = ("NumberOfPoints", "NumberOfCells", "NumberOfConnectivityIds")
@@ -24,29 +22,6 @@ COUNTS = ("NumberOfPoints", "NumberOfCells", "NumberOfConnectivityIds")
 # The oldest file format: newer ones mark a file as being written, and a killed process leaves that mark.
 # No lock, so that ParaView and open_results can look at a run while it goes on.
 ACCESS = {"libver": "earliest", "locking": False}
-
-
-@dataclass(frozen=True)
-class Cells:
-    """Obstacles as cells of VTK: `points` (n, 3) m, the `number` (n,) of the obstacle that each belongs to,
-    `connectivity` (m,) rows of points, `offsets` (cells + 1,) into it, and `types` (cells,)."""
-
-    points: np.ndarray
-    number: np.ndarray
-    connectivity: np.ndarray
-    offsets: np.ndarray
-    types: np.ndarray
-
-    @property
-    def counts(self) -> tuple[int, int, int]:
-        """Points, cells and entries of the connectivity."""
-        return len(self.points), len(self.types), len(self.connectivity)
-
-
-NO_CELLS = Cells(
-    np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(2, np.int64), np.array([NO_CELL], "u1")
-)
-"""One empty cell: a part without any is counted as -1 cells by VTK 9.5 and 9.6."""
 
 
 def create(path: Path, dimension: int, fields, obstacles: bool) -> h5py.File:

@@ -21,14 +21,25 @@ class SceneModel(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-def key(description: str, unit: str = "", *, default: Any = ..., vector: bool = False, **bounds) -> Any:
+def key(
+    description: str,
+    unit: str = "",
+    *,
+    default: Any = ...,
+    vector: bool = False,
+    place: Literal["point", "level", "z"] | None = None,
+    **bounds,
+) -> Any:
     """A key of the input with its description, unit and bounds, as the reference and the schema show them.
 
-    `vector` marks an entry that must have as many components as the scene has dimensions.
+    `vector` marks an entry that must have as many components as the scene has dimensions. `place` marks what moves with
+    the scene: a point, or several; a level against gravity; a range of z.
     """
     extra: JsonDict = {"unit": unit} if unit else {}
     if vector:
         extra["vector"] = True
+    if place:
+        extra["place"] = place
     return Field(default, description=description, json_schema_extra=extra, **bounds)
 
 
@@ -58,8 +69,8 @@ FileName = Annotated[str, StringConstraints(min_length=1, max_length=250, patter
 class Region(SceneModel):
     """An axis-aligned box, open where a bound is null; only the points of one body, if it is named."""
 
-    lower: OpenPosition | None = key("lower corner, null = unbounded", "m", default=None, vector=True)
-    upper: OpenPosition | None = key("upper corner, null = unbounded", "m", default=None, vector=True)
+    lower: OpenPosition | None = key("lower corner, null = unbounded", "m", default=None, vector=True, place="point")
+    upper: OpenPosition | None = key("upper corner, null = unbounded", "m", default=None, vector=True, place="point")
     body: Name | None = key("only points of this body", default=None)
 
     @model_validator(mode="after")

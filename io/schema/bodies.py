@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, PrivateAttr, ValidationInfo, model_validator
 
 from periporo.io.schema.base import (
     MAX_LENGTH,
@@ -59,15 +59,15 @@ class Box(SceneModel):
     """Rectangle or cuboid along the axes."""
 
     type: Literal["box"] = key("shape")
-    lower: Position = key("lower corner", "m", vector=True)
-    upper: Position = key("upper corner", "m", vector=True)
+    lower: Position = key("lower corner", "m", vector=True, place="point")
+    upper: Position = key("upper corner", "m", vector=True, place="point")
 
 
 class Disc(SceneModel):
     """Disc (2D)."""
 
     type: Literal["disc"] = key("shape")
-    center: Position = key("centre", "m", vector=True)
+    center: Position = key("centre", "m", vector=True, place="point")
     radius: Real = key("radius", "m", gt=0, le=MAX_LENGTH)
 
 
@@ -75,7 +75,7 @@ class Cylinder(SceneModel):
     """Circular cylinder along an axis (3D)."""
 
     type: Literal["cylinder"] = key("shape")
-    base: Position = key("centre of the end face with the lowest coordinate", "m", vector=True)
+    base: Position = key("centre of the end face with the lowest coordinate", "m", vector=True, place="point")
     axis: Axis = key("direction of the cylinder's axis")
     radius: Real = key("radius", "m", gt=0, le=MAX_LENGTH)
     height: Real = key("length along the axis", "m", gt=0, le=MAX_LENGTH)
@@ -85,7 +85,7 @@ class Sphere(SceneModel):
     """Sphere (3D)."""
 
     type: Literal["sphere"] = key("shape")
-    center: Position = key("centre", "m", vector=True)
+    center: Position = key("centre", "m", vector=True, place="point")
     radius: Real = key("radius", "m", gt=0, le=MAX_LENGTH)
 
 
@@ -96,8 +96,10 @@ class Polygon(SceneModel):
     """Inside of a closed polygon in the x-y plane by the even-odd rule; in 3D extruded along z."""
 
     type: Literal["polygon"] = key("shape")
-    vertices: tuple[PlanePoint, ...] = key("corners [x, y] in order", "m", min_length=3, max_length=10_000)
-    extrude: PlanePoint | None = key("[lowest, highest] z, in 3D only", "m", default=None)
+    vertices: tuple[PlanePoint, ...] = key(
+        "corners [x, y] in order", "m", place="point", min_length=3, max_length=10_000
+    )
+    extrude: PlanePoint | None = key("[lowest, highest] z, in 3D only", "m", place="z", default=None)
 
     @model_validator(mode="after")
     def _has_an_inside(self):
@@ -114,6 +116,8 @@ class Points(SceneModel):
 
     type: Literal["points"] = key("shape")
     file: ExistingFile = key("file name, relative to the scene's folder")
+    _origin: tuple[float, ...] = PrivateAttr(default=())
+    """What the coordinates in the file are counted from, see `io.geometry.origin`; m."""
 
 
 Shape = Annotated[Box | Disc | Cylinder | Sphere | Polygon | Points, Field(discriminator="type")]
@@ -122,7 +126,7 @@ Shape = Annotated[Box | Disc | Cylinder | Sphere | Polygon | Points, Field(discr
 class Layer(SceneModel):
     """The material above a level, up to the next layer."""
 
-    above: Coordinate = key("level along the direction opposite to gravity", "m")
+    above: Coordinate = key("level along the direction opposite to gravity", "m", place="level")
     material: Name = key("name of the material")
 
 
@@ -135,6 +139,9 @@ class Body(SceneModel):
     velocity: Velocity | None = key("initial velocity, default zero", "m/s", default=None, vector=True)
     jitter: Real = key(
         "largest random shift of a point along each axis", "spacings", default=0.0, ge=0, le=0.3
+    )
+    lattice: Literal["shared", "own"] = key(
+        "continue the lattice of the bodies that it meets and bonds with, or have points of its own", default="shared"
     )
     layers: tuple[Layer, ...] = key("other materials by level, ascending", default=(), max_length=1000)
 
@@ -152,7 +159,7 @@ class GeostaticStress(SceneModel):
     type: Literal["geostatic"] = key("kind of initial stress")
     K0: Real = key("horizontal over vertical stress", "1", default=0.5, ge=0, le=10)
     surface: Coordinate | None = key(
-        "level of the free surface against gravity; default: the top of each body", "m", default=None
+        "level of the free surface against gravity; default: the top of each body", "m", default=None, place="level"
     )
 
 

@@ -75,7 +75,7 @@ class PlaneContact(_Obstacle):
     """A rigid half-space; points stay on the side to which the normal points."""
 
     type: Literal["plane"] = key("kind of contact")
-    point: Position = key("a point of the surface", "m", vector=True)
+    point: Position = key("a point of the surface", "m", vector=True, place="point")
     normal: Position = key("direction out of the obstacle, of any length", "1", vector=True)
 
     @model_validator(mode="after")
@@ -89,15 +89,15 @@ class BoxContact(_Obstacle):
     """A rigid box; points stay outside."""
 
     type: Literal["box"] = key("kind of contact")
-    lower: Position = key("lower corner", "m", vector=True)
-    upper: Position = key("upper corner", "m", vector=True)
+    lower: Position = key("lower corner", "m", vector=True, place="point")
+    upper: Position = key("upper corner", "m", vector=True, place="point")
 
 
 class CylinderContact(_Obstacle):
     """A rigid circular cylinder along an axis (3D); points stay outside."""
 
     type: Literal["cylinder"] = key("kind of contact")
-    base: Position = key("centre of the end face with the lowest coordinate", "m", vector=True)
+    base: Position = key("centre of the end face with the lowest coordinate", "m", vector=True, place="point")
     axis: Axis = key("direction of the cylinder's axis")
     radius: Real = key("radius", "m", gt=0, le=MAX_LENGTH)
     height: Real = key("length along the axis", "m", gt=0, le=MAX_LENGTH)
@@ -107,7 +107,7 @@ class DiscContact(_Obstacle):
     """A rigid disc (2D); points stay outside."""
 
     type: Literal["disc"] = key("kind of contact")
-    center: Position = key("centre", "m", vector=True)
+    center: Position = key("centre", "m", vector=True, place="point")
     radius: Real = key("radius", "m", gt=0, le=MAX_LENGTH)
 
 
@@ -118,7 +118,9 @@ class PolylineContact(_Obstacle):
     """
 
     type: Literal["polyline"] = key("kind of contact")
-    vertices: tuple[PlanePoint, ...] = key("points [x, y] in order", "m", min_length=2, max_length=10_000)
+    vertices: tuple[PlanePoint, ...] = key(
+        "points [x, y] in order", "m", place="point", min_length=2, max_length=10_000
+    )
 
     @model_validator(mode="after")
     def _advances(self):
@@ -139,8 +141,8 @@ class BodiesContact(_Contact):
 class Substrate(SceneModel):
     """A box of fixed points."""
 
-    lower: Position = key("lower corner", "m", vector=True)
-    upper: Position = key("upper corner", "m", vector=True)
+    lower: Position = key("lower corner", "m", vector=True, place="point")
+    upper: Position = key("upper corner", "m", vector=True, place="point")
     spacing: Real = key("distance of its points", "spacings", default=0.25, ge=0.01, le=1)
 
 

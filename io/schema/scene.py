@@ -200,6 +200,7 @@ class Monitor(SceneModel):
         "places; displacement and velocity of the point nearest to each at the start are recorded as histories",
         "m",
         default=(),
+        place="point",
         max_length=1000,
     )
     energy_tolerance: Real = key(
@@ -236,6 +237,10 @@ class SceneInput(SceneModel):
     def vector(self, entry: tuple[float, ...] | None) -> np.ndarray:
         """A vector entry of the scene as an array (dimension,), zero if it was not given."""
         return np.zeros(self.dimension) if entry is None else np.array(entry, dtype=float)
+
+    def bodies_in_contact(self) -> set[str]:
+        """Names of the bodies that a bodies contact names: they bond with no other."""
+        return {name for c in self.contacts if c.type == "bodies" for name in (c.first, c.second)}
 
 
 @cache

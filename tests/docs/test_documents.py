@@ -158,7 +158,7 @@ class Page:
     def periporo(self, line, words):
         """In this process; a run that the page has made already is made anew."""
         self.provide(words)
-        if words[0].endswith(".yaml") and Path(words[0]).with_suffix(".h5").exists() and "--resume" not in words:
+        if words[0].endswith(".yaml") and Path(words[0]).with_suffix(".vtkhdf").exists() and "--resume" not in words:
             words = [*words, "--overwrite"]
         assert cli.main(words) == 0, line
 

@@ -55,7 +55,7 @@ if __name__ == "__main__":
     {
         "tap": redirect_output,
         "fault": lambda: in_the_fifth_step(1, fail),
-        "lost": lambda: in_the_fifth_step(0, lambda: os.unlink("scene.h5")),
+        "lost": lambda: in_the_fifth_step(0, lambda: os.unlink("scene.vtkhdf")),
         "full": limit_files,
     }[sys.argv[1]]()
     raise SystemExit(cli.main(sys.argv[2:]))

@@ -36,7 +36,7 @@ def run(mpirun, folder, scene, ranks):
     words = ("-m", "periporo.core.cli", scene, "--quiet", "--no-plot")
     finished = mpirun(ranks, *words, folder=folder)
     assert finished.returncode == 0, finished.stderr
-    return folder / "coarse.h5"
+    return folder / "coarse.vtkhdf"
 
 
 def datasets(path):

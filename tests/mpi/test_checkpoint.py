@@ -127,13 +127,13 @@ def test_interruptions_and_other_numbers_of_ranks_change_no_bit(interrupt, tmp_p
     write_scene(tmp_path, scene())
     run = interrupt(1, name="SIGUSR1", step=20)  # a checkpoint, and on
     assert run.returncode == 0 and "checkpoint at t = " in run.stdout
-    one = contents(tmp_path / "scene.h5")
+    one = contents(tmp_path / "scene.vtkhdf")
     assert not np.isnan(one["VTKHDF/Points"]).any() and not checkpoints(tmp_path)  # a finished run needs none
     assert interrupt(2, "--overwrite", step=20).returncode == 0
     assert interrupt(3, "--resume", step=40).returncode == 0
     run = interrupt(1, "--resume")
     assert run.returncode == 0, run.stderr
-    assert_same_bits(one, contents(tmp_path / "scene.h5"))
+    assert_same_bits(one, contents(tmp_path / "scene.vtkhdf"))
     assert "nothing to resume" in interrupt(1, "--resume").stdout
 
 
@@ -146,12 +146,12 @@ def test_the_batch_systems_signals_reach_the_ranks(interrupt, tmp_path):
     assert run.returncode == 0 and "step 20: scene.checkpoint" in run.stdout, run.stderr
     if MPI.get_vendor()[0] == "Open MPI":
         pytest.skip("its mpirun answers SIGTERM by ending the ranks, with status 1 and without their last words")
-    one = contents(tmp_path / "scene.h5")
+    one = contents(tmp_path / "scene.vtkhdf")
     for step, target, words in ((10, "mpirun", ["--overwrite"]), (20, "everyone", ["--resume"])):
         run = interrupt(2, *words, name=f"{target}:SIGTERM", step=step)
         assert run.returncode == 0 and f"step {step}; checkpoint" in run.stdout, run.stderr
     assert interrupt(1, "--resume").returncode == 0
-    assert_same_bits(one, contents(tmp_path / "scene.h5"))
+    assert_same_bits(one, contents(tmp_path / "scene.vtkhdf"))
 
 
 OPTIONS = [{"scheme": "point_state", "sharpened": True}, {"scheme": "bond_projected", "balance": True},
@@ -165,19 +165,19 @@ def test_every_scheme_goes_on_bit_for_bit(interrupt, tmp_path, scheme):
     scene["stages"] = [{"name": "fall", "type": "dynamics", "duration": 0.02}]
     write_scene(tmp_path, scene)
     assert interrupt(1).returncode == 0
-    one = contents(tmp_path / "scene.h5")
+    one = contents(tmp_path / "scene.vtkhdf")
     for ranks, step, words in ((1, 10, ["--overwrite"]), (2, 20, ["--resume"])):
         run = interrupt(ranks, *words, step=step)
         assert run.returncode == 0 and f"step {step}; checkpoint" in run.stdout, run.stderr
     run = interrupt(3, "--resume")
     assert run.returncode == 0, run.stderr
-    assert_same_bits(one, contents(tmp_path / "scene.h5"))
+    assert_same_bits(one, contents(tmp_path / "scene.vtkhdf"))
 
 
 def test_a_damaged_checkpoint_is_passed_over(interrupt, tmp_path):
     write_scene(tmp_path, column())
     assert interrupt(1).returncode == 0
-    one = contents(tmp_path / "scene.h5")
+    one = contents(tmp_path / "scene.vtkhdf")
     for step, words in ((20, ["--overwrite"]), (40, ["--resume"])):
         assert interrupt(1, *words, step=step).returncode == 0
     older, newer = checkpoints(tmp_path)
@@ -188,7 +188,7 @@ def test_a_damaged_checkpoint_is_passed_over(interrupt, tmp_path):
     newer.write_bytes(data)
     run = interrupt(2, "--resume")
     assert run.returncode == 0 and f"{newer.name}: it is damaged" in run.stdout and older.name in run.stdout
-    assert_same_bits(one, contents(tmp_path / "scene.h5"))
+    assert_same_bits(one, contents(tmp_path / "scene.vtkhdf"))
 
 
 def test_what_cannot_be_resumed_says_so(interrupt, tmp_path):
@@ -219,8 +219,8 @@ def test_killed_runs_resume_and_end_alike(tmp_path):
     write_scene(tmp_path, column())
     command = [sys.executable, *CLI, "scene.yaml", *QUIET]
     assert subprocess.run(command, cwd=tmp_path, timeout=120).returncode == 0
-    one = contents(tmp_path / "scene.h5")
-    (tmp_path / "scene.h5").unlink()
+    one = contents(tmp_path / "scene.vtkhdf")
+    (tmp_path / "scene.vtkhdf").unlink()
     write_scene(tmp_path, column(checkpoint={"interval": 0.05}))
     moments = random.Random(1)
     for _ in range(3):
@@ -232,7 +232,7 @@ def test_killed_runs_resume_and_end_alike(tmp_path):
         os.kill(run.pid, signal.SIGKILL)
         run.wait()
     assert subprocess.run([*command, "--resume"], cwd=tmp_path, timeout=120).returncode == 0
-    assert_same_bits(one, contents(tmp_path / "scene.h5"))
+    assert_same_bits(one, contents(tmp_path / "scene.vtkhdf"))
 
 
 def test_a_full_disk_ends_the_run_with_a_word(tmp_path):

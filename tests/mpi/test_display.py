@@ -29,10 +29,10 @@ def test_monitored_points_have_the_same_histories_on_any_number_of_ranks(mpirun,
     scene = scene_of(counts=(30, 8)) | {"monitor": {"points": [[-0.1, 0.08], [0.1, 0.0]]}}
     found = []
     for ranks in (1, 3):
-        (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene | {"output": {"file": f"on_{ranks}.h5"}}))
+        (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene | {"output": {"file": f"on_{ranks}.vtkhdf"}}))
         done = mpirun(ranks, "-m", "periporo.core.cli", "scene.yaml", "--no-plot", "--quiet", folder=tmp_path)
         assert done.returncode == 0, done.stderr
-        with open_results(tmp_path / f"on_{ranks}.h5") as results:
+        with open_results(tmp_path / f"on_{ranks}.vtkhdf") as results:
             found.append({n: results.history(n).tolist() for n in results.history_names if n.startswith("point_")})
     assert found[0] == found[1] and len(found[0]) == 8
     assert any(found[0]["point_0_velocity_y"]) and found[0]["point_0_velocity_y"] != found[0]["point_1_velocity_y"]

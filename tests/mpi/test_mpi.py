@@ -81,7 +81,7 @@ def simulate(mpirun, folder, scene, ranks):
     (folder / "scene.yaml").write_text(yaml.safe_dump(scene))
     run = mpirun(ranks, *CLI, "scene.yaml", "--quiet", "--no-plot", "--overwrite", folder=folder)
     assert run.returncode == 0, run.stderr
-    return datasets(folder / "scene.h5")
+    return datasets(folder / "scene.vtkhdf")
 
 
 def assert_same_bits(one, several):
@@ -173,10 +173,10 @@ def test_bad_input_is_reported_once_and_the_same_as_on_one_rank(mpirun, tmp_path
 
 def test_an_unwritable_result_is_reported_once_by_all_ranks(mpirun, tmp_path, scene_of):
     (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene_of()))
-    (tmp_path / "scene.h5").mkdir()
+    (tmp_path / "scene.vtkhdf").mkdir()
     began = time.monotonic()
     run = mpirun(2, *CLI, "scene.yaml", "--quiet", "--overwrite", folder=tmp_path)
-    assert run.returncode == 2 and run.stderr.count("scene.h5") == 1, run.stderr
+    assert run.returncode == 2 and run.stderr.count("scene.vtkhdf") == 1, run.stderr
     assert "Traceback" not in run.stderr and time.monotonic() - began < 120
 
 

@@ -47,7 +47,7 @@ def test_a_fault_is_seen_and_repaired_alike(spoil, kind):
     seen = "step 142" if kind == "refused" else "step 150"  # a refusal does not wait for the next look
     assert FAULTS[kind] in messages[0] and seen in messages[0] and "back to step 0 with 0.5" in messages[1]
     assert kind != "refused" or "refuses the step (Elastic: it is tired)" in messages[0]
-    with h5py.File(one / "scene.h5") as a, h5py.File(two / "scene.h5") as b:
+    with h5py.File(one / "scene.vtkhdf") as a, h5py.File(two / "scene.vtkhdf") as b:
         assert a["Run"].attrs["retries"] == b["Run"].attrs["retries"] == 1
         assert np.array_equal(a["VTKHDF/Points"][:], b["VTKHDF/Points"][:])
         assert np.isfinite(a["VTKHDF/Points"][:]).all() and a["History/time"][-1] == pytest.approx(6e-3, rel=1e-9)
@@ -62,5 +62,5 @@ def test_a_lasting_fault_ends_in_the_same_report(spoil, kind):
         assert word in alone.stderr, alone.stderr
     reports = [(folder / "scene.diagnostic.csv").read_text() for folder in (one, two)]
     assert reports[0] == reports[1] and len(reports[0].splitlines()) > 5
-    with h5py.File(two / "scene.h5") as file:  # what was recorded before stays readable
+    with h5py.File(two / "scene.vtkhdf") as file:  # what was recorded before stays readable
         assert file["VTKHDF/Steps"].attrs["NSteps"] >= 1

@@ -53,10 +53,10 @@ def test_a_scene_runs_from_its_file(call, scene, tmp_path):
     status, out, error = call(scene(), "--no-plot")
     text = out + error
     assert status == 0
-    for word in ("energy ledger", "kinetic energy", "unexplained", "run-out", "height", "results: scene.h5"):
+    for word in ("energy ledger", "kinetic energy", "unexplained", "run-out", "height", "results: scene.vtkhdf"):
         assert word in text
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["scene.h5", "scene.yaml"]
-    with h5py.File("scene.h5") as file:
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["scene.vtkhdf", "scene.yaml"]
+    with h5py.File("scene.vtkhdf") as file:
         run = dict(file["Run"].attrs)
         assert 0.0 < run["height_m"] < run["run_out_m"] * 3.0 and run["free_flying_points"] == 0
         assert run["ranks"] == 1 and run["rebuilds"] >= 1 and run["messages"] == run["migrated_points"] == 0
@@ -80,9 +80,9 @@ def test_pictures_are_drawn_unless_told_not_to(call, scene, tmp_path):
 
 
 def test_output_options(call, scene):
-    options = {"file": "other.h5", "fields": ["density", "internal_force"], "interval": 5e-4, "history_interval": 1}
+    options = {"file": "other.vtkhdf", "fields": ["density", "internal_force"], "interval": 5e-4, "history_interval": 1}
     assert call(scene(output=options), "--no-plot", "--quiet")[0] == 0
-    with h5py.File("other.h5") as file:
+    with h5py.File("other.vtkhdf") as file:
         assert set(file["VTKHDF/PointData"]) == {"id", "density", "internal_force"}
         assert file["VTKHDF/Steps"].attrs["NSteps"] in (3, 4)
         steps = file["History/step"][:]
@@ -91,12 +91,12 @@ def test_output_options(call, scene):
 
 def test_existing_results_are_kept_unless_told_to_replace_them(call, scene, tmp_path):
     scene()
-    (tmp_path / "scene.h5").write_bytes(b"precious")
+    (tmp_path / "scene.vtkhdf").write_bytes(b"precious")
     result = call("scene.yaml", "--quiet")
-    assert_refused(result, tmp_path, "scene.h5", "--overwrite", left=("scene.h5", "scene.yaml"), width=300)
-    assert (tmp_path / "scene.h5").read_bytes() == b"precious"
+    assert_refused(result, tmp_path, "scene.vtkhdf", "--overwrite", left=("scene.vtkhdf", "scene.yaml"), width=300)
+    assert (tmp_path / "scene.vtkhdf").read_bytes() == b"precious"
     assert call("scene.yaml", "--quiet", "--no-plot", "--overwrite")[0] == 0
-    assert h5py.is_hdf5(tmp_path / "scene.h5")
+    assert h5py.is_hdf5(tmp_path / "scene.vtkhdf")
 
 
 def test_check_says_what_a_scene_will_cost_and_writes_nothing(call, scene, tmp_path):
@@ -181,7 +181,7 @@ BAD = {
     "unknown field": ({"output": {"fields": ["stres"]}}, ["stres", "stress"]),
     "a point alone in the air": ({"bodies": [body(lower=(0.0, 1.0), upper=(0.01, 1.01))]},
                                  ["time_step.fixed", "no point has a bond"]),
-    "path out of the folder": ({"output": {"file": "../scene.h5"}}, ["../scene.h5"]),
+    "path out of the folder": ({"output": {"file": "../scene.vtkhdf"}}, ["../scene.vtkhdf"]),
 }  # fmt: skip
 
 
@@ -194,7 +194,7 @@ def test_bad_input(call, scene, tmp_path, word, case):
 
 def test_an_unwritable_output(call, scene, tmp_path):
     """A folder that cannot be made, since a file stands in its place; also for root."""
-    scene(output={"file": "taken/scene.h5"})
+    scene(output={"file": "taken/scene.vtkhdf"})
     (tmp_path / "taken").write_text("")
     assert_refused(call("scene.yaml", "--quiet"), tmp_path, "taken", left=("scene.yaml", "taken"), width=300)
 
@@ -204,7 +204,7 @@ def test_a_read_only_folder(call, scene, tmp_path):
     scene()
     tmp_path.chmod(0o500)
     try:
-        assert_refused(call("scene.yaml", "--quiet"), tmp_path, "scene.h5", width=300)
+        assert_refused(call("scene.yaml", "--quiet"), tmp_path, "scene.vtkhdf", width=300)
     finally:
         tmp_path.chmod(0o700)
 
@@ -216,10 +216,10 @@ def test_a_column_that_cannot_come_to_rest_fails_with_status_3(call, scene):
 
 
 def test_a_misspelt_command_is_recognised_unless_there_is_such_a_file(call, scene, tmp_path):
-    status, _, error = call("plott", "run.h5")
+    status, _, error = call("plott", "run.vtkhdf")
     assert status == 2 and "did you mean 'plot'?" in error
-    status, _, error = call("run.h5")
-    assert status == 2 and "did you mean 'periporo plot run.h5'?" in error
+    status, _, error = call("run.vtkhdf")
+    assert status == 2 and "did you mean 'periporo plot run.vtkhdf'?" in error
     os.rename(scene(), "runn")
     assert call("runn", "--no-plot")[0] == 0
 
@@ -239,7 +239,7 @@ def test_a_run_goes_on_when_nobody_reads_what_it_says(scene, tmp_path):
     command = f"{sys.executable} -m periporo.core.cli {scene()} --no-plot | true; exit ${{PIPESTATUS[0]}}"
     done = subprocess.run(["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0 and done.stderr == ""
-    with h5py.File(tmp_path / "scene.h5") as file:
+    with h5py.File(tmp_path / "scene.vtkhdf") as file:
         assert file["Run"].attrs["finished"] == 1
 
 
@@ -253,19 +253,19 @@ def test_command_line_mistakes(call):
 
 @pytest.mark.parametrize("tool", ["plot", "info", "compare", "export", "report"])
 def test_tools_refuse_a_file_that_is_not_there(call, tool):
-    second = ["other.h5"] if tool == "compare" else []
-    status, _, error = call(tool, "nowhere.h5", *second)
-    assert status == 2 and error.startswith(f"periporo {tool}: ") and "nowhere.h5" in error
+    second = ["other.vtkhdf"] if tool == "compare" else []
+    status, _, error = call(tool, "nowhere.vtkhdf", *second)
+    assert status == 2 and error.startswith(f"periporo {tool}: ") and "nowhere.vtkhdf" in error
 
 
 def test_tools_work_on_a_result(call, scene):
     assert call(scene(), "--quiet", "--no-plot")[0] == 0
-    status, out, _ = call("info", "scene.h5")
+    status, out, _ = call("info", "scene.vtkhdf")
     assert status == 0 and "stress" in out and "unfinished" not in out
-    with h5py.File("scene.h5", "a") as file:
+    with h5py.File("scene.vtkhdf", "a") as file:
         del file["Run"].attrs["finished"]
-    assert "unfinished" in call("info", "scene.h5")[1]
-    assert call("compare", "scene.h5", "scene.h5")[0] == 0
+    assert "unfinished" in call("info", "scene.vtkhdf")[1]
+    assert call("compare", "scene.vtkhdf", "scene.vtkhdf")[0] == 0
 
 
 @pytest.mark.parametrize(

@@ -56,10 +56,10 @@ def test_run_writes_results_and_calls_back(scene_of, tmp_path, monkeypatch, caps
     monkeypatch.chdir(tmp_path)
     kinetic = {}
     path = periporo.run(
-        scene_of(output={"history_interval": 5}), "fall.h5", quiet=True,
+        scene_of(output={"history_interval": 5}), "fall.vtkhdf", quiet=True,
         callbacks=[(5, lambda sim: kinetic.update({sim.step_number: sim.ledger.kinetic()}))],
     )  # fmt: skip
-    assert str(path) == "fall.h5" and capsys.readouterr().out == ""
+    assert str(path) == "fall.vtkhdf" and capsys.readouterr().out == ""
     with periporo.open_results(path) as results:
         recorded = dict(zip(results.history("step"), results.history("kinetic_energy"), strict=True))
     assert kinetic and all(recorded[step] == value for step, value in kinetic.items())
@@ -74,10 +74,10 @@ def test_a_callback_needs_a_number_of_steps(scene_of, interval):
 
 def test_run_says_what_it_needs(scene_of, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(ValueError, match="file='name.h5'"):
+    with pytest.raises(ValueError, match="file='name.vtkhdf'"):
         periporo.run(scene_of())
     with pytest.raises(periporo.InputError, match="did you mean 'horizon'"):
-        periporo.run(scene_of(horizn=2.0), "a.h5")
+        periporo.run(scene_of(horizn=2.0), "a.vtkhdf")
     with pytest.raises(periporo.InputError, match="no such file"):
         periporo.run("nowhere.yaml")
     assert list(tmp_path.iterdir()) == []
@@ -86,13 +86,13 @@ def test_run_says_what_it_needs(scene_of, tmp_path, monkeypatch):
 def test_an_interrupted_dictionary_goes_on(scene_of, tmp_path, monkeypatch, capsys):
     """Stopped by the clock at once, then resumed to the bits of the run that was not stopped."""
     monkeypatch.chdir(tmp_path)
-    periporo.run(scene_of(), "whole.h5", quiet=True)
-    periporo.run(scene_of(), "parts.h5", walltime=1e-3)
+    periporo.run(scene_of(), "whole.vtkhdf", quiet=True)
+    periporo.run(scene_of(), "parts.vtkhdf", walltime=1e-3)
     assert "go on with: run(..., resume=True)" in capsys.readouterr().out
-    periporo.run(scene_of(), "parts.h5", resume=True)
-    periporo.run(scene_of(), "parts.h5", resume=True)
+    periporo.run(scene_of(), "parts.vtkhdf", resume=True)
+    periporo.run(scene_of(), "parts.vtkhdf", resume=True)
     assert "has finished" in capsys.readouterr().out
-    with periporo.open_results("whole.h5") as whole, periporo.open_results("parts.h5") as parts:
+    with periporo.open_results("whole.vtkhdf") as whole, periporo.open_results("parts.vtkhdf") as parts:
         np.testing.assert_array_equal(whole.positions(), parts.positions())
 
 
@@ -103,7 +103,7 @@ def test_a_run_has_the_watchdog(scene_of, tmp_path, monkeypatch):
         sim.particles.velocity[0] = np.nan
 
     with pytest.raises(WatchdogError, match="point 0 .* is not a number"):
-        periporo.run(scene_of(), "broken.h5", quiet=True, callbacks=[(3, break_it)])
+        periporo.run(scene_of(), "broken.vtkhdf", quiet=True, callbacks=[(3, break_it)])
 
 
 def test_updates_that_fail_are_told_at_the_end(scene_of, tmp_path, monkeypatch, capsys):
@@ -127,7 +127,7 @@ def test_updates_that_fail_are_told_at_the_end(scene_of, tmp_path, monkeypatch, 
 def test_results_as_xarray(scene_of, tmp_path, monkeypatch):
     pytest.importorskip("xarray")
     monkeypatch.chdir(tmp_path)
-    path = periporo.run(scene_of(), "fall.h5", quiet=True)
+    path = periporo.run(scene_of(), "fall.vtkhdf", quiet=True)
     with periporo.open_results(path) as results:
         data = results.to_xarray()
         np.testing.assert_array_equal(data["stress"].sel(component="yy").isel(time=-1), results.field("stress")[:, 1])
@@ -143,7 +143,7 @@ def test_monitored_points_are_recorded(scene_of, tmp_path, monkeypatch, dimensio
     scene["bodies"][0]["velocity"] = start
     top = np.array(scene["bodies"][0]["shape"]["upper"])
     scene["monitor"] = {"points": [np.zeros(dimension), top]}
-    with periporo.open_results(periporo.run(scene, "fall.h5", quiet=True)) as results:
+    with periporo.open_results(periporo.run(scene, "fall.vtkhdf", quiet=True)) as results:
         t = results.history("time")
         gravity = np.zeros(dimension)
         gravity[-1] = -9.81

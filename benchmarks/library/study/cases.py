@@ -17,7 +17,7 @@ FIELDS = [
     "displacement", "velocity", "stress", "equivalent_shear_strain", "volumetric_strain", "integrity",
     "contact_force", "friction_force",
 ]  # fmt: skip
-SCENE, RESULT = "column.yaml", "column.h5"
+SCENE, RESULT = "column.yaml", "column.vtkhdf"
 _KEYS = ("set", "height", "spacing", "friction", "suction", "variant", "duration")
 
 

@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from periporo.core.points.cells import QUAD, joined
 from periporo.errors import OutputError
 from periporo.io.output import vtkhdf_layout
 from periporo.io.output.lock import Lock
 from periporo.io.output.results import open_results
 from periporo.io.output.vtkhdf import ResultFile
-from periporo.io.output.vtkhdf_layout import Cells, Index
+from periporo.io.output.vtkhdf_layout import Index
 from periporo.io.output.writer import ResultWriter
 
 FIELDS = {"stress": (4, "Pa"), "velocity": (2, "m/s"), "speed": (1, "m/s")}
@@ -246,8 +247,7 @@ def test_killed_process_leaves_a_readable_file(tmp_path, outputs, delay):
         assert list(results.field("stress")[0]) == [1.0, 2.0, 3.0, 4.0, 0.0, 0.0]
 
 
-SQUARE = Cells(np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.zeros(4, int), np.arange(4),
-               np.array([0, 4]), np.array([9], "u1"))  # fmt: skip
+SQUARE = joined({0: (np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]), [(QUAD, (0, 1, 2, 3))])})
 OUTPUTS = ((300, None), (300, SQUARE), (300, SQUARE), (299, SQUARE), (299, None))  # points, obstacles
 
 
