@@ -125,3 +125,9 @@ def choice(word: Any, allowed: Sequence[str]) -> str:
     near = nearest(word, allowed)
     hint = f"did you mean '{near}'? Allowed" if near else "allowed"
     return f"{hint}: {', '.join(allowed) or 'none'}"
+
+
+def place_text(place, origin, digits: int) -> str:
+    """A place (d,) m that is counted from `origin`, as text for people, with `digits` digits and those of `origin`."""
+    texts = (f"{x:.{digits}g}" if not o else f"{o + x:.{digits + 6}g}" for x, o in zip(place, origin, strict=True))
+    return ", ".join(texts)

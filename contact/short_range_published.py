@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from periporo.contact.surfaces import Box
 from periporo.core.numerics.jit import inlined, kernel
 from periporo.core.points.forces import ForceChannels
 from periporo.core.points.particles import Particles
@@ -28,7 +29,9 @@ class ShortRangePublished:
     its faces. The repulsion goes to the channel `contact`, the rest to `friction`.
     """
 
-    def __init__(self, lower, upper, substrate_spacing, *, spacing, stiffness, friction, cutoff):
+    def __init__(self, lower, upper, substrate_spacing, *, spacing, stiffness, friction, cutoff, name="0"):
+        self.name = name
+        self._box = Box(lower, upper)
         lower, side = np.asarray(lower, float), np.asarray(upper, float) - np.asarray(lower, float)
         self.counts = np.maximum(np.rint(side / substrate_spacing), 1).astype(np.int64)
         self.origin = lower + 0.5 * substrate_spacing
@@ -55,6 +58,10 @@ class ShortRangePublished:
             p.owned, p.position, self.origin, self.counts, self.substrate_spacing, 1.25 * self.cutoff,
             self.stiffness * (1.0 + self.friction), stiffness, p.dim,
         )  # fmt: skip
+
+    def outline(self, p: Particles, time: float, middle, size):
+        """How the substrate is drawn, see `Surface.outline`."""
+        return self._box.outline(middle, size)
 
 
 @inlined

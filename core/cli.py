@@ -47,7 +47,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _mistake(word: str, words) -> str | None:
     """What is wrong with a word that should name a scene, as far as one can tell."""
-    if word.endswith(".h5"):
+    if word.endswith((".vtkhdf", ".h5", ".hdf5")):
         return f"'{word}' is the name of a result file, not of a scene; did you mean 'periporo plot {word}'?"
     meant = difflib.get_close_matches(word, words, n=1)
     if meant and "." not in word and not os.path.exists(word):

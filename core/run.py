@@ -8,7 +8,6 @@ from importlib import metadata
 from pathlib import Path
 
 import llvmlite.binding
-import numpy as np
 import yaml
 from mpi4py import MPI
 
@@ -16,15 +15,16 @@ from periporo.core.numerics import jit
 from periporo.core.points import fields
 from periporo.core.points.probes import Probes
 from periporo.core.ranks.reductions import quantile
-from periporo.core.scene.build import build, output_names, vertical_axis
+from periporo.core.scene.build import build, output_names
 from periporo.core.scene.source import Source, naming, read_everywhere
 from periporo.core.simulation import Simulation
 from periporo.core.watch.interrupt import Interrupted, Keeper, Signals
-from periporo.core.watch.observers import Callback, HistoryObserver, ProgressObserver, ResultObserver
+from periporo.core.watch.observers import Callback, HistoryObserver, ProgressObserver, ResultObserver, present_obstacles
 from periporo.core.watch.state import State, StateError, memory, tables
 from periporo.core.watch.state import resume as resume_from
 from periporo.core.watch.watchdog import Watchdog
 from periporo.errors import InputError, OutputError
+from periporo.io.geometry.origin import relative
 from periporo.io.output import checkpoint
 from periporo.io.output.log import Progress
 from periporo.io.output.results import ResultError, open_results
@@ -65,7 +65,7 @@ def run(
     began = time.monotonic()
     comm = MPI.COMM_WORLD if comm is None else comm
     scene = read_everywhere(source, comm)
-    target = _target(scene, source, file)
+    target = _target(scene, source, file, resume)
     with Progress(comm, enabled=not quiet) as progress, Signals() as signals:
         if resume and everywhere(comm, _is_finished, target):
             progress.message(f"{target}: this run has finished; nothing to resume")
@@ -73,14 +73,14 @@ def run(
         with naming(source):
             sim = build(scene, comm)
             names = output_names(scene, sim)
-        probes = Probes(scene.monitor.points, sim.particles, comm)
+        probes = Probes(relative(scene, sim.origin).monitor.points, sim.particles, comm)
         state = _state_to_resume(scene, target, comm, progress.message) if resume else None
         replace = overwrite or (resume and state is None)
         with closing(sim.halo), _writer(scene, target, sim, names, probes, replace, state) as writer:
             if state is None:
                 everywhere(comm, checkpoint.remove, target)  # they belong to a run that is gone
-            history = HistoryObserver(writer, scene.output.history_interval, vertical_axis(scene), probes)
-            sim.observers += [history, ResultObserver(writer, names, scene.output.interval)]
+            history = HistoryObserver(writer, scene.output.history_interval, probes)
+            sim.observers += [history, _results(scene, writer, names)]
             sim.observers += [ProgressObserver(progress, history), *(Callback(*pair) for pair in callbacks)]
             watchdog = _watchdog(scene, target, writer, progress.message)
             keeper = _keeper(scene, target, writer, walltime, signals, progress.message, began)
@@ -98,7 +98,7 @@ def run(
                 progress.message(f"{reason}\ngo on with: {_how_to_resume(source)}")
                 return target
             figures = {"wall_time_s": time.monotonic() - began, "timing": _timing(sim), "retries": watchdog.retries}
-            deposit, counts = _deposit(sim, history, vertical_axis(scene)), _counters(sim)
+            deposit, counts = _deposit(sim, history), _counters(sim)
             writer.set_attributes({**figures, **deposit, **counts, "finished": 1})
         everywhere(comm, checkpoint.remove, target)
         for line in _summary(sim, history, deposit | counts):
@@ -110,11 +110,14 @@ def run(
     return target
 
 
-def _target(scene, source, file) -> Path:
+def _target(scene, source, file, resume) -> Path:
     """The result file: as asked for, as the scene says, or named after the scene's file."""
     if file is None and scene.output.file is None and not isinstance(source, str | Path):
         raise ValueError("where should the results go? Give run(..., file='name.vtkhdf') or the scene's output.file")
-    return Path(file or scene.output.file or f"{Path(source).stem}.vtkhdf")
+    if file or scene.output.file:
+        return Path(file or scene.output.file)
+    target, former = (Path(f"{Path(source).stem}{ending}") for ending in (".vtkhdf", ".h5"))
+    return former if resume and former.exists() and not target.exists() else target  # .h5 before 0.2.0
 
 
 def _how_to_resume(source) -> str:
@@ -156,10 +159,15 @@ def everywhere(comm, function, *arguments):
 def _writer(scene, target, sim, names, probes, overwrite, state):
     declared = {n: (f.columns, f.unit) for n, f in fields.available(sim).items() if n in names}
     return ResultWriter(
-        target, sim.comm, dimension=scene.dimension, fields=declared, attributes=_attributes(scene, sim.comm),
+        target, sim.comm, dimension=scene.dimension, fields=declared, attributes=_attributes(scene, sim),
         history_units=HistoryObserver.UNITS | probes.units, overwrite=overwrite,
+        obstacles=any(hasattr(c, "outline") for stage in sim.stages for c in stage.contacts),
         resume_step=None if state is None else state.memory["simulation"]["step_number"],
     )  # fmt: skip
+
+
+def _results(scene, writer, names):
+    return ResultObserver(writer, names, scene.output.interval, present_obstacles if writer.obstacles else None)
 
 
 def _watchdog(scene, target, writer, message):
@@ -222,7 +230,7 @@ def _is_finished(target) -> bool:
         return False
 
 
-def _attributes(scene, comm):
+def _attributes(scene, sim):
     versions = {name: metadata.version(name) for name in ("periporo", "numpy", "numba", "h5py", "mpi4py")}
     return {
         "configuration": yaml.safe_dump(scene.model_dump(mode="json", exclude_none=True), sort_keys=False),
@@ -230,7 +238,8 @@ def _attributes(scene, comm):
         "python": platform.python_version(),
         "machine": platform.machine(),
         "cpu": llvmlite.binding.get_host_cpu_name(),
-        "ranks": comm.size,
+        "ranks": sim.comm.size,
+        **({"origin": sim.origin} if sim.origin.any() else {}),
     }
 
 
@@ -246,10 +255,10 @@ def _counters(sim) -> dict[str, int]:
     return {**counts, **{name: sim.comm.allreduce(count) for name, count in sent.items()}}
 
 
-def _deposit(sim, history, vertical) -> dict:
+def _deposit(sim, history) -> dict:
     """Run-out, the half-width that holds 99 % of the deposit; height; and points that belong to nothing."""
     p, n = sim.particles, sim.particles.owned
-    across = np.abs(np.delete(p.position[:n], vertical, axis=1)).max(axis=1, initial=0.0)
+    across = sim.extent.distance(p.position[:n])
     regular = p.share[:n, 1] > 0.0
     return {
         "run_out_m": quantile(sim.comm, across[regular], 0.99) + 0.5 * sim.spacing,

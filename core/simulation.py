@@ -11,6 +11,7 @@ from periporo.core.motion.energy import Ledger
 from periporo.core.motion.integrator import drift, first_kick, second_kick
 from periporo.core.motion.stages import Stage
 from periporo.core.motion.timestep import StableTimeStep
+from periporo.core.points.extent import Extent
 from periporo.core.points.forces import ForceChannels
 from periporo.core.points.material import Material
 from periporo.core.points.particles import Particles
@@ -81,6 +82,8 @@ class Simulation:
         self.stages: list[Stage] = []
         self.preparations: list[Callable[[Simulation], None]] = []  # once at the start
         self.guards: list = []  # what may write a checkpoint, stop the run, or take it back: `periporo.core.watch`
+        self.origin = np.zeros(particles.dimension)  # that positions are counted from, m
+        self.extent: Extent | None = None  # of the bodies at the start
         self.stage_number = 0
         self.time, self.dt, self.step_number, self.rebuild_count = 0.0, 0.0, 0, 0
         self.rate_independent = False  # quasi-static: viscous laws are given all the time in the world

@@ -13,6 +13,7 @@ from mpi4py import MPI
 
 from periporo.core.correspondence.bond_projected import BondProjected
 from periporo.core.motion.timestep import StableTimeStep
+from periporo.core.points.extent import Extent
 from periporo.core.points.particles import Particles
 from periporo.core.scene.build import build
 from periporo.core.simulation import Simulation
@@ -66,6 +67,8 @@ def _cloud(position, *, laws=None, law_of=None, spacing=0.01, horizon=2.2, influ
         owned["group"] = np.asarray(group, np.int64)
     particles.replace(owned, 0)
     sim.contacts, sim.loads = list(contacts), list(loads)
+    sim.extent = Extent(position.min(axis=0) - 0.5 * spacing, position.max(axis=0) + 0.5 * spacing,
+                        np.eye(dimension)[-1])  # fmt: skip
     if start:
         sim.start()
     return sim

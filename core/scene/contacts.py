@@ -10,8 +10,7 @@ from periporo.contact.repulsion import Repulsion
 from periporo.contact.rigid import RigidContact
 from periporo.contact.short_range_published import ShortRangePublished
 from periporo.core.correspondence.influence import influence
-from periporo.errors import InputError, Problem
-from periporo.io.geometry.origin import place_text
+from periporo.errors import InputError, Problem, place_text
 
 _TOUCH = 0.01  # spacings by which cells and obstacles may overlap when motion begins
 _PUSHED_OUT = 0.6  # the same when relaxation begins
@@ -24,7 +23,7 @@ def build_contact(scene, model, number: int, sim):
         substrate = model.substrate
         return ShortRangePublished(
             substrate.lower, substrate.upper, substrate.spacing * spacing, spacing=spacing, stiffness=model.stiffness,
-            friction=model.friction, cutoff=model.cutoff * spacing,
+            friction=model.friction, cutoff=model.cutoff * spacing, name=str(number),
         )  # fmt: skip
     stiffness = model.stiffness
     if stiffness is None:

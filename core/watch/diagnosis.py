@@ -8,7 +8,7 @@ import numpy as np
 
 from periporo.core.ranks.reductions import maximum, minimum
 from periporo.core.watch.state import State
-from periporo.errors import OutputError
+from periporo.errors import OutputError, place_text
 
 _MOST_POINTS = 10_000  # in the file, from each rank
 _NEIGHBOURHOOD = 3.0  # horizons
@@ -54,11 +54,12 @@ class Fault:
     position: tuple[float, ...]
     material: str
     offenders: np.ndarray  # ids of this rank's
+    origin: tuple[float, ...]  # that the position is counted from, m
     reason: str = ""  # of a law that refuses a step
 
     def __str__(self) -> str:
         seen, cause = _KINDS[self.kind]
-        place = ", ".join(f"{x:.6g}" for x in self.position)
+        place = place_text(self.position, self.origin, 6)
         return (
             f"t = {self.time:.6g} s, step {self.step}: point {self.point} at ({place}) m, material "
             f"'{self.material}', {seen.format(size=self.size, reason=self.reason)}. Likely cause: {cause}"
@@ -87,7 +88,7 @@ def find_fault(sim, kind: str, excess: np.ndarray, materials: list[str], kept: S
     position = found[0] if np.isfinite(found[0]).all() else before
     return Fault(
         kind, worst if size is None else size, sim.step_number, sim.time, point, tuple(position), found[1],
-        p.id[:n][(excess > 1.0) | (p.id[:n] == point)],
+        p.id[:n][(excess > 1.0) | (p.id[:n] == point)], tuple(sim.origin.tolist()),
     )  # fmt: skip
 
 
@@ -115,7 +116,7 @@ def _columns(sim, rows, offends):
     """Columns (rows,) by name with unit."""
     p, axes = sim.particles, "xyz"[: sim.particles.dimension]
     columns = {"id": p.id[rows], "offends": offends[rows], "material": p.material[rows]}
-    vectors = {"position [m]": p.position, "velocity [m/s]": p.velocity}
+    vectors = {"position [m]": p.position + sim.origin, "velocity [m/s]": p.velocity}
     vectors |= {f"{name} force [N]": getattr(p, f"{name}_force") for name in sim.forces.names}
     for name, array in vectors.items():
         columns |= {f"{axis} {name}": array[rows, a] for a, axis in enumerate(axes)}

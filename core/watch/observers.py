@@ -4,7 +4,12 @@ import numpy as np
 
 from periporo.core.numerics.tensors import square_lengths
 from periporo.core.points import fields
+from periporo.core.points.cells import Cells, joined
 from periporo.core.ranks.reductions import maximum
+
+_REMEMBERED = ("stage_interval", "stage_start", "number", "last_step")
+_ALMOST = 1e-9  # intervals
+_VIEW = 1.5  # sizes of the scene, around its middle, to which a plane is drawn
 
 
 class Observer:
@@ -31,32 +36,40 @@ class Observer:
 
 
 class ResultObserver(Observer):
-    """Writes the points at the start of a dynamics stage, every `interval` s, and at the end of each stage."""
+    """Writes the points at the start of a dynamics stage, every `interval` s, and at the end of each stage.
 
-    def __init__(self, writer, names, interval: float | None):
+    `obstacles` is a function of the simulation that gives the obstacles as cells, if there are any.
+    """
+
+    def __init__(self, writer, names, interval: float | None, obstacles=None):
+        self.obstacles = obstacles
         self.writer = writer
         self.names = tuple(names)
         self.interval = interval
         self._stage_interval = np.inf
-        self._next = np.inf
+        self._stage_start = 0.0
+        self._number = 1  # of the next output of the stage, after 0 at its start
         self._last_step = -1
 
     def start_stage(self, sim, stage) -> None:
         """Write the start of a dynamics stage."""
         duration = getattr(stage, "duration", None)
         if duration is None:
-            self._next = np.inf
+            self._stage_interval = np.inf
             return
         self._stage_interval = self.interval or duration / 50
-        self._next = sim.time + self._stage_interval
+        self._stage_start, self._number = sim.time, 1
         self._write(sim)
 
     def after_step(self, sim) -> None:
-        """Write if an output time has been reached; the time step is never cut for it."""
-        if sim.time >= self._next:
+        """Write if an output time has been reached; the time step is never cut for it.
+
+        Times of fixed steps are sums, which may end a few units in the last place short of n intervals.
+        """
+        passed = (sim.time - self._stage_start) / self._stage_interval + _ALMOST
+        if passed >= self._number:
             self._write(sim)
-            while self._next <= sim.time:
-                self._next += self._stage_interval
+            self._number = int(passed) + 1
 
     def finish_stage(self, sim, stage, summary) -> None:
         """Write the end of a dynamics stage, or of a scene that only relaxes."""
@@ -65,19 +78,29 @@ class ResultObserver(Observer):
 
     def memory(self) -> dict:
         """When the next output is due."""
-        return {"stage_interval": self._stage_interval, "next": self._next, "last_step": self._last_step}
+        return {name: getattr(self, f"_{name}") for name in _REMEMBERED}
 
     def recall(self, memory: dict) -> None:
         """Go on from there."""
-        self._stage_interval, self._next = memory["stage_interval"], memory["next"]
-        self._last_step = memory["last_step"]
+        for name in _REMEMBERED:
+            setattr(self, f"_{name}", memory[name])
 
     def _write(self, sim) -> None:
         if self._last_step == sim.step_number:
             return
         self._last_step = sim.step_number
         p, n = sim.particles, sim.particles.owned
-        self.writer.write(sim.time, sim.step_number, p.id[:n], p.position[:n], fields.values(sim, self.names))
+        cells = () if self.obstacles is None else (self.obstacles(sim),)
+        self.writer.write(sim.time, sim.step_number, p.id[:n], p.position[:n], fields.values(sim, self.names), *cells)
+
+
+def present_obstacles(sim) -> Cells:
+    """The obstacles that are present, by the number of their contact, as they stand now."""
+    p, extent, outlines = sim.particles, sim.extent, {}
+    for contact in sim.contacts:
+        if hasattr(contact, "outline"):
+            outlines[int(contact.name)] = contact.outline(p, sim.time, extent.middle, _VIEW * extent.size)
+    return joined(outlines)
 
 
 class HistoryObserver(Observer):
@@ -90,11 +113,10 @@ class HistoryObserver(Observer):
         "plastic_dissipation": "J", "energy_residual": "J", "max_speed": "m/s", "front": "m", "height": "m",
     }  # fmt: skip
 
-    def __init__(self, writer, interval: int, vertical: int, probes=None):
+    def __init__(self, writer, interval: int, probes=None):
         self.writer = writer
         self.probes = probes
         self.interval = interval
-        self.vertical = vertical
         self.latest: dict[str, float] = {}
 
     def start_stage(self, sim, stage) -> None:
@@ -123,8 +145,6 @@ class HistoryObserver(Observer):
             return
         p, n = sim.particles, sim.particles.owned
         x = p.position[:n]
-        up = x[:, self.vertical]
-        across = [column for axis, column in enumerate(x.T) if axis != self.vertical]
         half = 0.5 * sim.spacing  # a point stands for a cell
         speed = np.sqrt(square_lengths(p.velocity[:n]).max(initial=0.0))
         self.latest = {
@@ -133,8 +153,8 @@ class HistoryObserver(Observer):
             "dt": sim.dt,
             **sim.ledger.entries(),
             "max_speed": maximum(sim.comm, speed),
-            "front": maximum(sim.comm, float(np.max([np.abs(column).max(initial=0.0) for column in across]))) + half,
-            "height": maximum(sim.comm, float(up.max(initial=-np.inf))) + half,
+            "front": maximum(sim.comm, float(sim.extent.distance(x).max(initial=0.0))) + half,
+            "height": maximum(sim.comm, float(sim.extent.height(x).max(initial=-np.inf))) + half,
             **({} if self.probes is None else self.probes.entries(p)),
         }
         self.writer.append_history(self.latest)

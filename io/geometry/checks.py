@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from periporo.errors import Problem
+from periporo.errors import Problem, place_text
 from periporo.io.geometry.lattice import CHUNK, Lattice, build_lattices
-from periporo.io.geometry.origin import place_text, relative, scene_origin
+from periporo.io.geometry.origin import relative, scene_origin
 from periporo.io.geometry.points import PointFileError, read_points
 from periporo.io.schema.base import MAX_LENGTH
 from periporo.io.schema.bodies import Points

@@ -5,7 +5,7 @@ computed as if they stood near zero, and results say what their places are count
 """
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,14 +13,12 @@ from periporo.io.geometry.points import counted_from
 from periporo.io.geometry.shapes import bounds
 from periporo.io.schema.base import SceneModel
 from periporo.io.schema.bodies import Points
-
-if TYPE_CHECKING:
-    from periporo.io.schema.scene import SceneInput
+from periporo.io.schema.scene import SceneInput
 
 _NEAR = 100.0  # sizes of the scene
 
 
-def scene_origin(scene: "SceneInput") -> np.ndarray:
+def scene_origin(scene: SceneInput) -> np.ndarray:
     """What the coordinates of a scene are counted from, (d,) m in whole metres; zero where the bodies are near.
 
     Raises PointFileError.
@@ -34,13 +32,7 @@ def scene_origin(scene: "SceneInput") -> np.ndarray:
     return np.floor(lower / unit) * unit
 
 
-def place_text(place, origin, digits: int) -> str:
-    """A place (d,) m that is counted from `origin`, as text for people, with `digits` digits and those of `origin`."""
-    texts = (f"{x:.{digits}g}" if not o else f"{o + x:.{digits + 6}g}" for x, o in zip(place, origin, strict=True))
-    return ", ".join(texts)
-
-
-def relative(scene: "SceneInput", origin: np.ndarray) -> "SceneInput":
+def relative(scene: SceneInput, origin: np.ndarray) -> SceneInput:
     """The same scene with all places counted from `origin` (d,) m."""
     if not origin.any():
         return scene

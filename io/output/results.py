@@ -7,6 +7,9 @@ import h5py
 import numpy as np
 import yaml
 
+from periporo.core.points.cells import Cells
+from periporo.io.output.vtkhdf_layout import COUNTS
+
 if TYPE_CHECKING:
     import xarray
 
@@ -49,6 +52,8 @@ class Results:
             self._starts = steps["PointOffsets"][:count]
             self.attributes: dict[str, Any] = dict(self._file["Run"].attrs)
             self.dimension = int(self.attributes.pop("dimension"))
+            origin = self.attributes.get("origin", np.zeros(3))
+            self.origin = np.pad(origin, (0, 3 - len(origin)))  # that places in the file are counted from, m
         except (KeyError, OSError, RuntimeError) as error:
             self._file.close()
             raise ResultError(f"{self.path} is damaged or not a result file of periporo: {error}") from None
@@ -89,8 +94,28 @@ class Results:
         return self._rows(f"VTKHDF/PointData/{name}", self.output(step, time))
 
     def positions(self, step: int = -1, *, time: float | None = None) -> np.ndarray:
-        """Positions (n, 3) m."""
-        return self._rows("VTKHDF/Points", self.output(step, time))
+        """Positions (n, 3) m, in the coordinates of the scene."""
+        return self._rows("VTKHDF/Points", self.output(step, time)) + self.origin
+
+    def obstacles(self, step: int = -1, *, time: float | None = None) -> list[tuple[int, int, np.ndarray]]:
+        """Obstacles as they are drawn: number among the contacts, VTK's kind of cell, and corners (k, 3) m of each."""
+        k = self.output(step, time)
+        file, steps = self._file["VTKHDF"], self._file["VTKHDF/Steps"]
+        if steps["NumberOfParts"][k] == 1:
+            return []
+        part = int(steps["PartOffsets"][k]) + 1
+        points, count, ids = (int(file[name][part]) for name in COUNTS)
+        start = self._starts[k] + self.point_counts[k]
+        cell = int(steps["CellOffsets"][k]) + self.point_counts[k]
+        connection = int(steps["ConnectivityIdOffsets"][k]) + self.point_counts[k]
+        cells = Cells(
+            file["Points"][start : start + points] + self.origin,
+            -1 - file["PointData/id"][start : start + points],
+            file["Connectivity"][connection : connection + ids],
+            file["Offsets"][cell + part : cell + part + count + 1],
+            file["Types"][cell : cell + count],
+        )
+        return cells.split()
 
     def ids(self, step: int = -1, *, time: float | None = None) -> np.ndarray:
         """Global ids (n,), ascending."""
@@ -145,7 +170,8 @@ class Results:
             stored = self._file[f"VTKHDF/{name}"]
             values = np.full((len(self), len(ids), *stored.shape[1:]), np.nan)
             for k in outputs:
-                values[k, np.searchsorted(ids, self.ids(k))] = self._rows(f"VTKHDF/{name}", k)
+                rows = self.positions(k) if name == "Points" else self._rows(f"VTKHDF/{name}", k)
+                values[k, np.searchsorted(ids, self.ids(k))] = rows
             axes = () if stored.ndim == 1 else ("axis",) if stored.shape[1] == 3 else ("component",)
             short = name.removeprefix("PointData/").replace("Points", "position")
             dataset[short] = (("time", "id", *axes), values, {"units": stored.attrs.get("unit", "")})

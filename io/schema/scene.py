@@ -23,7 +23,7 @@ from periporo.io.schema.base import (
 from periporo.io.schema.bodies import Body, ExistingFile, InitialStress, MaterialInput
 from periporo.io.schema.contacts import Boundary, Contact
 
-_RESULT_SUFFIXES = (".h5", ".hdf5", ".vtkhdf")
+_RESULT_SUFFIXES = (".vtkhdf", ".h5", ".hdf5")
 
 
 def _inside_the_working_folder(name: str) -> str:

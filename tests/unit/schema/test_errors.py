@@ -120,7 +120,7 @@ CASES = [
     ("gravity: [0, -9.81]", "output: {file: /tmp/x.h5}", 9, "output.file", "relative to the working folder"),
     ("gravity: [0, -9.81]", "output: {file: ~/x.h5}", 9, "output.file", "relative to the working folder"),
     ("gravity: [0, -9.81]", 'output: {file: "a\\0.h5"}', 9, "output.file", "control characters"),
-    ("gravity: [0, -9.81]", "output: {file: x.yaml}", 9, "output.file", "must end in one of .h5"),
+    ("gravity: [0, -9.81]", "output: {file: x.yaml}", 9, "output.file", "must end in one of .vtkhdf, .h5"),
     ("gravity: [0, -9.81]", "seed: 1.5", 9, "seed", "must be an integer, not 1.5"),
     ("gravity: [0, -9.81]", "seed: -1", 9, "seed", "must be at least 0"),
     (
