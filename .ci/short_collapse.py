@@ -1,7 +1,7 @@
 """The column collapse, coarse and short, for a job that continuous integration runs and reads back.
 
 python short_collapse.py write column.yaml     the scene
-python short_collapse.py read column.vtkhdf        check of its results, by h5py and by VTK's own reader
+python short_collapse.py read column.vtkhdf    check of its results, by h5py and by VTK's own reader
 """
 
 import sys
@@ -24,7 +24,7 @@ def write(path):
 
 
 def read(path):
-    """Fail unless both readers find a column that has begun to fall, and a picture of it."""
+    """Fail unless both readers find a column that has begun to fall, its floor, and a picture of it."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkIOHDF import vtkHDFReader
 
@@ -44,8 +44,10 @@ def read(path):
     reader.UpdateInformation()
     reader.SetStep(reader.GetNumberOfSteps() - 1)
     reader.Update()
-    data = reader.GetOutputAsDataSet()
+    parts = reader.GetOutputDataObject(0)
+    data, floor = parts.GetPartition(0), parts.GetPartition(1)
     assert reader.GetNumberOfSteps() == steps and data.GetNumberOfPoints() == POINTS
+    assert floor.GetNumberOfPoints() == 2 and floor.GetBounds()[2:4] == (0.0, 0.0)
     assert (vtk_to_numpy(data.GetPoints().GetData()) == position).all()
     assert vtk_to_numpy(data.GetPointData().GetArray("stress")).shape == (POINTS, 6)
 

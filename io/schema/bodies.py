@@ -131,7 +131,11 @@ class Layer(SceneModel):
 
 
 class Body(SceneModel):
-    """A shape filled with points of a material, or of several in layers."""
+    """A shape filled with points of a material, or of several in layers.
+
+    Bodies that meet and bond share one lattice, that of the first of them, so that there is no seam between them: each
+    point belongs to the body that holds it, on a common edge to the first.
+    """
 
     name: Name = key("name of the body")
     material: Name = key("name of its material; below the layers, if there are any")

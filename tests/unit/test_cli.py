@@ -68,6 +68,30 @@ def test_a_scene_runs_from_its_file(call, scene, tmp_path):
                                                 "volumetric_strain", "material", "body"}  # fmt: skip
 
 
+def test_vtk_knows_the_file_by_its_name_and_shows_obstacles_that_move(call, scene):
+    """As ParaView does: by the ending, through the pipeline, at times."""
+    hdf = pytest.importorskip("vtkmodules.vtkIOHDF")
+    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as Pipeline
+
+    plate = {"type": "box", "lower": [-0.5, 0.1], "upper": [0.5, 0.2], "velocity": [0.0, 20.0], "friction": 0.0}
+    floor = {"type": "plane", "point": [0, 0], "normal": [0, 1], "friction": 0.5}
+    assert call(scene(contacts=[floor, plate]), "--no-plot", "--quiet")[0] == 0
+    reader = hdf.vtkHDFReader()
+    assert reader.CanReadFile("scene.vtkhdf")
+    reader.SetFileName("scene.vtkhdf")
+    reader.UpdateInformation()
+    times = reader.GetOutputInformation(0).Get(Pipeline.TIME_STEPS())
+    for time in (times[0], times[-1]):
+        reader.UpdateTimeStep(time)
+        parts = reader.GetOutputDataObject(0)
+        if not hasattr(parts, "GetPartition"):
+            pytest.skip("VTK up to 9.4 merges the parts")
+        points, obstacles = parts.GetPartition(0), parts.GetPartition(1)
+        assert points.GetNumberOfPoints() == 80 and obstacles.GetNumberOfCells() == 2
+        assert obstacles.GetCell(0).GetBounds()[2:4] == (0.0, 0.0)
+        assert obstacles.GetCell(1).GetBounds()[:4] == pytest.approx((-0.5, 0.5, 0.1 + 20 * time, 0.2 + 20 * time))
+
+
 def test_quiet_says_nothing_about_progress(call, scene):
     status, out, error = call("run", scene(), "--no-plot", "--quiet")
     assert status == 0 and out + error == ""

@@ -75,3 +75,31 @@ def test_polyline_ends_go_on_and_a_closed_one_is_a_solid():
 def test_nan_stays_visible():
     for surface, d in SURFACES.values():
         assert np.isnan(surface.gap(np.full((1, d), np.nan))[0]).all()
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_outlines_lie_on_the_surface(name):
+    """Corners and middles of cells, but for what a polygon cuts off a circle; endless ones reach the whole view."""
+    surface, d = SURFACES[name]
+    middle, size = np.full(d, 0.4), 5.0
+    points, cells = surface.outline(middle, size)
+    assert points.shape[1] == d and {row for _, rows in cells for row in rows} == set(range(len(points)))
+    assert np.abs(surface.gap(points)[0]).max() < 1e-12
+    if isinstance(surface, Plane):
+        assert (((points - middle) ** 2).sum(axis=1) >= size**2).all()
+    if name == "terrain":
+        assert np.sqrt(((points[[0, -1]] - middle) ** 2).sum(axis=1)).min() > 0.9 * size
+    area = cells_size(points, cells)
+    expected = {"box": 1.2 * 0.7, "disc": np.pi * 0.64, "cylinder": 2 * np.pi * (0.36 + 0.6 * 1.1)}
+    if name in expected:
+        assert area == pytest.approx(expected[name], rel=3e-3)
+
+
+def cells_size(points, cells):
+    """Sum of the areas of flat cells."""
+    total = 0.0
+    for _, rows in cells:
+        corners = np.pad(points[list(rows)], ((0, 0), (0, 3 - points.shape[1])))
+        spokes = corners[1:] - corners[0]
+        total += 0.5 * np.linalg.norm(np.cross(spokes[:-1], spokes[1:]).sum(axis=0)) if len(corners) > 2 else 0.0
+    return total
