@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
+from periporo.core.numerics.cells import HEXAHEDRON, LINE, POLY_LINE, POLYGON, QUAD, Outline
 from periporo.core.numerics.jit import kernel
-from periporo.core.points.cells import HEXAHEDRON, LINE, POLY_LINE, POLYGON, QUAD, Outline
 
 _AROUND = 64  # sides of a circle that is drawn
 

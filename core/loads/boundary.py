@@ -4,8 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from periporo.core.numerics import vectors
 from periporo.core.numerics.jit import kernel
-from periporo.core.points.forces import INTEGRATION, PRESCRIBED
+from periporo.core.points.forces import INTEGRATION, PRESCRIBED, WORK
 from periporo.core.points.particles import Particles
 
 
@@ -113,14 +114,24 @@ class Traction:
 
 
 class ViscousDamping:
-    """Damping force -rate m v with the velocity of the middle of the step."""
+    """Damping -rate m v, integrated exactly over a step in which the other forces are constant, whatever the rate.
 
-    def __init__(self, rate: float):
+    Velocities half a step before and after the force obey v+ = v- e^(-x) + a dt (1 - e^(-x))/x, x = rate dt, with the
+    acceleration a of all other forces: free motion decays as exp(-rate t), and a load is followed at a/rate. `upcoming`
+    is a function that gives the next step, s: at the start of a stage its first half is ahead.
+    """
+
+    def __init__(self, rate: float, upcoming: Callable[[], float] = lambda: 0.0):
         self.rate = rate
+        self.upcoming = upcoming
 
     def add_force(self, p: Particles, time: float, dt: float) -> None:
-        """Set the damping force."""
-        p.damping_force[: p.owned] = -self.rate * p.mass[:, None] * p.velocity[: p.owned]
+        """Set the damping force; the last of the loads, for it needs the others."""
+        step = dt if dt > 0.0 else 0.5 * self.upcoming()
+        x = self.rate * step
+        decay, lag = (-np.expm1(-x) / step, 1.0 + np.expm1(-x) / x) if x > 1e-6 else (self.rate, 0.5 * x)
+        others = tuple(getattr(p, f"{n}_force") for n in WORK if n != "damping" and f"{n}_force" in p.fields)
+        _damp(p.owned, p.mass, p.velocity, others, decay, lag, p.damping_force, p.dim)
 
 
 @kernel
@@ -128,3 +139,12 @@ def _add_weight(owned, mass, acceleration, force, dim):
     for i in range(owned):
         for a in range(len(dim)):
             force[i, a] += mass[i] * acceleration[a]
+
+
+@kernel
+def _damp(owned, mass, velocity, others, decay, lag, damping, dim):
+    for i in range(owned):
+        total = vectors.zero(dim)
+        for force in others:
+            total += vectors.row(force, i, dim)
+        vectors.put(damping, i, vectors.row(velocity, i, dim) * (-decay * mass[i]) - total * lag)

@@ -190,5 +190,5 @@ def _stage(scene, sim, stage, contacts, lattices):
     if stage.type == "relax":
         return RelaxStage(stage.name, motions, present, loads, stage.tolerance, stage.max_steps)
     if stage.damping.viscous > 0.0:
-        loads.append(ViscousDamping(stage.damping.viscous))
+        loads.append(ViscousDamping(stage.damping.viscous, lambda: sim.dt))
     return DynamicsStage(stage.name, motions, present, loads, stage.duration, stage.stop_when_at_rest)

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from periporo.core.numerics.cells import Cells, joined
 from periporo.core.numerics.tensors import square_lengths
 from periporo.core.points import fields
-from periporo.core.points.cells import Cells, joined
 from periporo.core.ranks.reductions import maximum
 
 _REMEMBERED = ("stage_interval", "stage_start", "number", "last_step")

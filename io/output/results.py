@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import yaml
 
-from periporo.core.points.cells import Cells
+from periporo.core.numerics.cells import Cells
 from periporo.io.output.vtkhdf_layout import COUNTS
 
 if TYPE_CHECKING:

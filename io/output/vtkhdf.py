@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from periporo.core.points.cells import VERTEX, Cells, joined
+from periporo.core.numerics.cells import VERTEX, Cells, joined
 from periporo.errors import OutputError
 from periporo.io.output.lock import Lock, Locked
 from periporo.io.output.vtkhdf_layout import (

@@ -56,7 +56,7 @@ class ResultWriter:
 
         time: s. step: number of the time step. ids (n,): global ids of this rank's points in any order,
         unique over all ranks. position (n, dimension) m. fields: name -> (n,) or (n, columns). cells: the obstacles
-        (`core.points.cells.Cells`), None for none; matters on rank 0 only.
+        (`core.numerics.cells.Cells`), None for none; matters on rank 0 only.
         """
         if set(fields) != set(self.fields):
             raise ValueError(f"{self.path}: fields {sorted(fields)} given, {sorted(self.fields)} declared")

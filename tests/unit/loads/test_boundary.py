@@ -77,18 +77,31 @@ def test_weight_traction_and_damping(block):
     expected = np.tile([0.0, -10.0 * 1760.0 * SPACING**2], (16, 1))
     expected[[1, 4]] += [3.0, 0.5]
     assert p.external_force == pytest.approx(expected, rel=1e-14)
-    assert p.damping_force == pytest.approx(np.tile([-14.0, 7.0], (16, 1)) * 1760.0 * SPACING**2, rel=1e-14)
+    x, m = 7e-5, 1760.0 * SPACING**2  # rate times step
+    others = expected + p.internal_force[:16]
+    damping = m * np.tile([-2.0, 1.0], (16, 1)) * (1.0 - np.exp(-x)) / 1e-5 - (1.0 - (1.0 - np.exp(-x)) / x) * others
+    assert p.damping_force == pytest.approx(damping, rel=1e-9)
 
 
-def test_damped_free_motion_decays_exponentially(cloud):
-    """Central in the half step, so the decay over a step is (1 - r dt/2)/(1 + ...) to second order."""
-    sim = cloud(np.array([[0.0, 0.0]]), velocity=[[1.0, 0.0]], fixed=1e-3, start=False)
+@pytest.mark.parametrize("rate", [3.0, 1e3, 1e4, 1e6])
+def test_damping_is_integrated_exactly_at_any_rate(cloud, rate):
+    """Free motion decays as exp(-rate t), a load is followed at g/rate; explicit, steps over 2/rate blow up."""
+    dt = 1e-3
+    sim = cloud(np.array([[0.0, 0.0]]), velocity=[[1.0, 0.0]], fixed=dt, start=False)
     sim.forces.need("damping")
-    sim.loads = [ViscousDamping(3.0)]
+    sim.loads = [Gravity(np.array([0.0, -10.0])), ViscousDamping(rate, lambda: sim.dt)]
     sim.start()
+    sim.apply_loads(0.0)  # as at the start of a stage
     for _ in range(500):
         sim.step()
-    assert sim.particles.velocity[0, 0] == pytest.approx(np.exp(-3.0 * sim.time), rel=5e-3)
+    p, x = sim.particles, rate * dt
+    assert p.velocity[0, 0] == pytest.approx(np.exp(-rate * sim.time) * np.cosh(0.5 * x), rel=1e-9, abs=1e-300)
+    approached = -10.0 / rate * (1.0 - np.exp(-rate * sim.time))
+    assert p.velocity[0, 1] == pytest.approx(approached, rel=1e-3)
+    entries = sim.ledger.entries()
+    turned = entries["external_work"] + 0.5 * p.mass[0]
+    assert abs(entries["energy_residual"] - entries["integration_term"]) < 1e-13 * turned
+    assert 0.0 < entries["damping_dissipation"] < 1.5 * turned
 
 
 def test_the_last_motion_has_a_component_that_several_prescribe():

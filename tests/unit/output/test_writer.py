@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from periporo.core.points.cells import QUAD, joined
+from periporo.core.numerics.cells import QUAD, joined
 from periporo.errors import OutputError
 from periporo.io.output import vtkhdf_layout
 from periporo.io.output.lock import Lock
