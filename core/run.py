@@ -12,7 +12,7 @@ import yaml
 from mpi4py import MPI
 
 from periporo.core.numerics import jit
-from periporo.core.points import fields
+from periporo.core.points import departures, fields
 from periporo.core.points.probes import Probes
 from periporo.core.ranks.reductions import quantile
 from periporo.core.scene.build import build, output_names
@@ -160,7 +160,7 @@ def _writer(scene, target, sim, names, probes, overwrite, state):
     declared = {n: (f.columns, f.unit) for n, f in fields.available(sim).items() if n in names}
     return ResultWriter(
         target, sim.comm, dimension=scene.dimension, fields=declared, attributes=_attributes(scene, sim),
-        history_units=HistoryObserver.UNITS | probes.units, overwrite=overwrite,
+        history_units=HistoryObserver.UNITS | departures.UNITS | probes.units, overwrite=overwrite,
         obstacles=any(hasattr(c, "outline") for stage in sim.stages for c in stage.contacts),
         resume_step=None if state is None else state.memory["simulation"]["step_number"],
     )  # fmt: skip
@@ -269,8 +269,8 @@ def _deposit(sim, history) -> dict:
 
 def _summary(sim, history, figures) -> list[str]:
     """Energy ledger, run-out and height, what laws failed in, and where the time went."""
-    last = history.latest
-    energies = [name for name in last if history.UNITS.get(name) == "J"]
+    last, units = history.latest, history.UNITS | departures.UNITS
+    energies = [name for name in last if units.get(name) == "J"]
     ledger = [f"  {name.replace('_', ' '):22s} {last[name] + 0.0:+.6e} J" for name in energies]  # + 0.0: no minus zero
     error, failed = abs(last["energy_residual"] - last["integration_term"]), figures["failed_updates"]
     return [
@@ -279,6 +279,7 @@ def _summary(sim, history, figures) -> list[str]:
         f"  unexplained            {error:.1e} J",
         f"run-out {figures['run_out_m']:.4g} m (99 % of the deposit), height {figures['height_m']:.4g} m, "
         f"free-flying points {figures['free_flying_points']}",
+        *([f"{last['departed_points']:,} points left the domain"] if "departed_points" in last else []),
         *([f"{failed:,} updates of laws failed: those rows kept their stress"] if failed else []),
         "time of the run",
         *(f"  {line}" for line in sim.timing.lines()),

@@ -11,13 +11,14 @@ from periporo.core.motion.energy import Ledger
 from periporo.core.motion.integrator import drift, first_kick, second_kick
 from periporo.core.motion.stages import Stage
 from periporo.core.motion.timestep import StableTimeStep
+from periporo.core.points.departures import GONE, LOOK_INTERVAL, Departures
 from periporo.core.points.extent import Extent
 from periporo.core.points.forces import ForceChannels
 from periporo.core.points.material import Material
 from periporo.core.points.particles import Particles
 from periporo.core.ranks.domain import Domain, bisect
 from periporo.core.ranks.halo import Halo
-from periporo.core.ranks.reductions import maximum
+from periporo.core.ranks.reductions import exact_sum, maximum
 from periporo.core.watch.observers import Callback
 from periporo.core.watch.timing import Timing
 
@@ -82,6 +83,7 @@ class Simulation:
         self.stages: list[Stage] = []
         self.preparations: list[Callable[[Simulation], None]] = []  # once at the start
         self.guards: list = []  # what may write a checkpoint, stop the run, or take it back: `periporo.core.watch`
+        self.departures: Departures | None = None  # points that leave the scene
         self.origin = np.zeros(particles.dimension)  # that positions are counted from, m
         self.extent: Extent | None = None  # of the bodies at the start
         self.stage_number = 0
@@ -134,6 +136,8 @@ class Simulation:
         self._adapt_skin()
         self.domain = self._divided()
         owner = self.domain.owner(p.position[: p.owned])
+        if self.departures is not None:
+            owner[self._departing()] = GONE
         self.bonds.collect(self.comm, p, owner)
         owned = self.halo.migrate(p, owner)
         owned["reference_position"] = owned["position"].copy()
@@ -142,6 +146,15 @@ class Simulation:
         self._moved = 0.0
         self.rebuild_count += 1
         self.rebuilt_at = self.step_number
+
+    def _departing(self) -> np.ndarray:
+        """Which owned points (owned,) leave now; their energy is booked."""
+        leaving = self.departures.outside(self.particles)
+        count = self.comm.allreduce(int(leaving.sum()))
+        if count:
+            self.departures.count += count
+            self.departures.sums += exact_sum(self.comm, self.departures.energies(self.particles, leaving))
+        return leaving
 
     def _adapt_skin(self) -> None:
         """Make the skin thin while points move slowly, so that few pairs are listed in vain.
@@ -170,8 +183,10 @@ class Simulation:
     def neighbours_are_stale(self) -> bool:
         """Whether a point somewhere has moved half of the skin since the neighbours were found.
 
-        Or whether a law refused the last step, for then there is no telling where points are.
+        Or whether one has left the scene, or a law refused the last step: then there is no telling where points are.
         """
+        if self.departures is not None and self.step_number % LOOK_INTERVAL == 0:
+            self._moved = max(self._moved, np.inf if self.departures.outside(self.particles).any() else 0.0)
         return not maximum(self.comm, np.inf if self._refusals else self._moved) <= 0.5 * self.skin
 
     def confirm(self) -> None:
@@ -266,7 +281,7 @@ class Simulation:
             prepare(self)
         self.rate_independent = False
         self.bonds.initial_stress = None  # from now on, a row without a past is a point that lands
-        self.ledger = Ledger(self.comm, self.particles)
+        self.ledger = Ledger(self.comm, self.particles, departures=self.departures)
         self.dt = self.time_step.choose(self)
 
     def run(self, resumed: bool = False) -> None:
@@ -285,10 +300,13 @@ class Simulation:
     def memory(self) -> dict[str, Any]:
         """What a checkpoint keeps of clocks and counters; the same on all ranks; collective."""
         clocks = {name: getattr(self, name) for name in _REMEMBERED}
+        clocks |= {} if self.departures is None else {"departures": self.departures.memory()}
         return clocks | {"initial_kinetic": self.ledger.initial_kinetic, "failed_updates": self.failed_updates()}
 
     def recall(self, memory: dict[str, Any]) -> None:
         """Set the clocks and counters back."""
         for name in _REMEMBERED:
             setattr(self, name, memory[name])
+        if self.departures is not None:
+            self.departures.recall(memory["departures"])
         self._refusals, self._failed = [], memory["failed_updates"] if self.comm.rank == 0 else 0

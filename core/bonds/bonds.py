@@ -8,6 +8,7 @@ from periporo.core.bonds.averages import average_points, incidence_of, merged
 from periporo.core.bonds.blocks import Block, Carried, Rows
 from periporo.core.bonds.rows import PairRows
 from periporo.core.numerics.jit import kernel
+from periporo.core.points.departures import GONE
 from periporo.core.points.material import Material
 from periporo.core.points.neighbours import Pairs
 from periporo.core.points.particles import Field, Particles
@@ -73,7 +74,7 @@ class Bonds:
         """`carried` with the rows of points that come to this rank; nothing is copied if none come."""
         width = 2 + carried.stress.shape[1] + carried.state.shape[1]
         outgoing = {}
-        moved = np.unique(owner[owner != comm.rank]).tolist()
+        moved = np.unique(owner[(owner != comm.rank) & (owner != GONE)]).tolist()
         if moved:
             home = np.full(particles.total, comm.rank)
             home[: particles.owned] = owner

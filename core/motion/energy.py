@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 from periporo.core.numerics.jit import kernel
 from periporo.core.numerics.tensors import square_lengths
+from periporo.core.points.departures import Departures
 from periporo.core.points.forces import WORK
 from periporo.core.points.particles import Particles
 from periporo.core.ranks.reductions import exact_sum
@@ -18,8 +19,11 @@ from periporo.core.ranks.reductions import exact_sum
 class Ledger:
     """Energies of the whole scene in J, the same for any number of ranks."""
 
-    def __init__(self, comm, particles: Particles, initial_kinetic: float | None = None):
-        """`initial_kinetic` J, the present one if not given."""
+    def __init__(
+        self, comm, particles: Particles, initial_kinetic: float | None = None, departures: Departures | None = None
+    ):
+        """`initial_kinetic` J, the present one if not given; `departures` of a scene that points may leave."""
+        self.departures = departures
         self._comm = comm
         self._particles = particles
         self.initial_kinetic = self.kinetic() if initial_kinetic is None else initial_kinetic
@@ -53,8 +57,13 @@ class Ledger:
         return self._named(sums)
 
     def _named(self, sums):
-        work = dict(zip(WORK, sums[1:].tolist(), strict=True))
-        gained = float(sums[0]) - self.initial_kinetic
+        """Entries of sums over the points that are there; work on those that have left counts on."""
+        left, gone = self.departures, {}
+        if left is not None:
+            gone = {"departed_points": left.count, "departed_energy": float(left.sums[0])}
+        total = sums if left is None else sums + left.sums
+        work = dict(zip(WORK, total[1:].tolist(), strict=True))
+        gained = float(total[0]) - self.initial_kinetic
         return {
             "kinetic_energy": float(sums[0]),
             "internal_energy": -work["internal"],
@@ -65,6 +74,7 @@ class Ledger:
             "prescribed_work": work["prescribed"],
             "integration_term": work["integration"],
             "energy_residual": gained - sum(w for name, w in work.items() if name != "integration"),
+            **gone,
         }
 
 

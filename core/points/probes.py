@@ -23,14 +23,15 @@ class Probes:
         }
 
     def entries(self, p) -> dict[str, float]:
-        """Displacement and velocity of each probe by history name; all ranks take part."""
+        """Displacement and velocity of each probe by history name, NaN for one that is gone; all ranks take part."""
         if not self.ids:
             return {}
-        mine = np.zeros((len(self.ids), 2, p.dimension))
+        mine, held = np.zeros((len(self.ids), 2, p.dimension)), np.zeros(len(self.ids))
         for k, chosen in enumerate(self.ids):
             for i in np.flatnonzero(p.id[: p.owned] == chosen):
-                mine[k] = p.position[i] - p.initial_position[i], p.velocity[i]
-        values = self.comm.allreduce(mine)  # one rank owns a point, the others add zero
+                mine[k], held[k] = (p.position[i] - p.initial_position[i], p.velocity[i]), 1.0
+        values, held = self.comm.allreduce(mine), self.comm.allreduce(held)  # one rank owns a point, others add zero
+        values[held == 0.0] = np.nan
         return dict(zip(self.units, values.ravel().tolist(), strict=True))
 
 

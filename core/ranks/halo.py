@@ -8,6 +8,7 @@ is computed on both sides from the same numbers, which makes results independent
 import numpy as np
 from mpi4py import MPI
 
+from periporo.core.points.departures import GONE
 from periporo.core.points.particles import Particles
 from periporo.core.ranks.domain import Domain
 
@@ -54,8 +55,10 @@ class Halo:
         self._exchanges: dict[tuple[str, ...], _Exchange] = {}
 
     def migrate(self, particles: Particles, owner: np.ndarray) -> dict[str, np.ndarray]:
-        """Owned fields after each point moved to its new `owner` (owned,), rows in id order."""
-        owned = particles.take(slice(0, particles.owned))
+        """Owned fields after each point moved to its new `owner` (owned,), or is `GONE`; rows in id order."""
+        stays = owner != GONE
+        owned = particles.take(slice(0, particles.owned) if stays.all() else np.flatnonzero(stays))
+        owner = owner[stays]
         if self.comm.size > 1:
             leaving = owner != self.comm.rank
             self.points_migrated += int(leaving.sum())

@@ -34,11 +34,16 @@ def _standstill(time, dt):
     return 0.0
 
 
+def region_corners(region, dimension: int) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corner (d,) m of a region, infinite where it is open."""
+    lower = np.array([-np.inf if v is None else v for v in region.lower or (None,) * dimension])
+    upper = np.array([np.inf if v is None else v for v in region.upper or (None,) * dimension])
+    return lower, upper
+
+
 def _selected(scene, region, lattices):
     """(lattice, ids (n,), positions (n, d)) of the points of each body that lie in a region at the start."""
-    d = scene.dimension
-    lower = np.array([-np.inf if v is None else v for v in region.lower or (None,) * d])
-    upper = np.array([np.inf if v is None else v for v in region.upper or (None,) * d])
+    lower, upper = region_corners(region, scene.dimension)
     sites = []
     for body, lattice in zip(scene.bodies, lattices, strict=True):
         if region.body in (None, body.name):

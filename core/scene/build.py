@@ -14,9 +14,10 @@ from periporo.core.motion.dissipation import PlasticDissipation, reports
 from periporo.core.motion.stages import DynamicsStage, RelaxStage
 from periporo.core.motion.timestep import StableTimeStep
 from periporo.core.points import fields
+from periporo.core.points.departures import Departures
 from periporo.core.points.extent import Extent
 from periporo.core.points.particles import Particles
-from periporo.core.scene.boundaries import build_boundary
+from periporo.core.scene.boundaries import build_boundary, region_corners
 from periporo.core.scene.contacts import bonding_groups, build_contact, build_repulsion, is_present, refuse_penetration
 from periporo.core.scene.geostatic import GeostaticStress, uniform_stress
 from periporo.core.simulation import Simulation
@@ -76,6 +77,8 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
     repulsion.attach(particles, sim.forces)
     lattices = geometry.build_lattices(scene)
     sim.origin, sim.extent = origin, _extent(scene, lattices)
+    if scene.domain is not None:
+        sim.departures = Departures(*region_corners(scene.domain, scene.dimension))
     _place_points(scene, comm, particles, materials, water, lattices)
     refuse_penetration(scene, contacts, sim)
     if scene.initial_stress is not None:

@@ -79,7 +79,7 @@ def memory(sim) -> dict:
         "simulation": sim.memory(),
         "time_step": sim.time_step.memory(),
         "stage": sim.stages[sim.stage_number].memory(),
-        "observers": [o.memory() for o in sim.observers],
+        "observers": [kept for o in sim.observers if (kept := o.memory())],
         "contacts": [c.memory() for c in _remembering_contacts(sim)],
     }
 
@@ -97,7 +97,7 @@ def _recall(sim, memory):
     sim.time_step.recall(memory["time_step"])
     sim.stages[sim.stage_number].recall(sim, memory["stage"])
     for part, remembered in (
-        *zip(sim.observers, memory["observers"], strict=True),
+        *zip([o for o in sim.observers if o.memory()], memory["observers"], strict=True),
         *zip(_remembering_contacts(sim), memory["contacts"], strict=True),
     ):
         part.recall(remembered)
@@ -121,7 +121,7 @@ def resume(sim, state: State) -> None:
         raise StateError("it has other state variables of the materials")
     sim.bonds.initial_stress = None  # a row without a past is a point that lands
     install(sim, distributed(sim, state))
-    sim.ledger = Ledger(sim.comm, sim.particles, state.memory["simulation"]["initial_kinetic"])
+    sim.ledger = Ledger(sim.comm, sim.particles, state.memory["simulation"]["initial_kinetic"], sim.departures)
 
 
 def distributed(sim, state: State) -> State:

@@ -24,6 +24,8 @@ SNAPSHOT_INTERVAL = 500  # steps between states kept in memory
 MOST_RETRIES = 3  # at half, quarter and an eighth of the step
 MOST_FAILURES = 20  # of a run: one that always needs help is not to be trusted
 STRAIN_JUMP = 1.0  # strain of a bond within one step
+REGULAR = 0.5  # integrity of a point from which on its speed and strain count
+_SUSPECT = 0.25  # speed over wave speed, as it was when the state was kept, from which on neighbours are compared
 _WARM_UP = 100  # steps of a motion before its energy is judged: a start from rest has hardly done any work
 _TURNED_OVER = (
     "kinetic_energy", "internal_energy", "external_work", "contact_energy", "friction_dissipation",
@@ -115,10 +117,14 @@ class Watchdog:
         nan, speed, strain = survey(sim, self._fastest)
         if nan:
             return self._describe(sim, "nan", nan_points(sim))
-        if speed > 1.0:
-            return self._describe(sim, "speed", speed_ratios(sim, self._fastest))
+        if speed > _SUSPECT:
+            excess = speed_ratios(sim, wave_speeds(sim))
+            if maximum(sim.comm, float(excess.max(initial=0.0))) > 1.0:
+                return self._describe(sim, "speed", excess)
         if strain > STRAIN_JUMP:
-            return self._describe(sim, "strain", strain_jumps(sim) / STRAIN_JUMP)
+            excess = strain_jumps(sim) / STRAIN_JUMP
+            if maximum(sim.comm, float(excess.max(initial=0.0))) > 1.0:
+                return self._describe(sim, "strain", excess)
         stage = self._stage
         if sim.rate_independent or sim.step_number < stage.first_step + _WARM_UP:
             return None
@@ -182,22 +188,35 @@ def nan_points(sim) -> np.ndarray:
 
 
 def speed_ratios(sim, fastest) -> np.ndarray:
-    """Per owned point: speed over the wave speed of its material."""
-    p, n = sim.particles, sim.particles.owned
-    return np.sqrt(square_lengths(p.velocity[:n])) / fastest[p.material[:n]]
+    """Per owned point: its speed relative to the mean of its regular neighbours over the wave speed of its material.
+
+    Zero for a point without regular company; collective.
+    """
+    p, n, pairs = sim.particles, sim.particles.owned, sim.bonds.pairs
+    sim.halo.update(p, "velocity")
+    sums = np.zeros((n, 1 + p.dimension))
+    _add_differences(n, pairs.first, pairs.second, pairs.weight, p.share, p.volume, p.velocity, REGULAR, sums, p.dim)
+    relative = np.sqrt(square_lengths(sums[:, 1:])) / np.where(sums[:, 0] > 0.0, sums[:, 0], 1.0)
+    return relative / fastest[p.material[:n]]
 
 
 def strain_jumps(sim) -> np.ndarray:
-    """Per owned point: the strain of its bonds in the last step, and that of the largest since the last look."""
+    """Per owned point: the strain of its bonds in the last step, and that of the largest since the last look.
+
+    Bonds of points without regular company do not count.
+    """
     p = sim.particles
-    jump = np.zeros(p.total)
+    jump, regular = np.zeros(p.total), p.share[:, 1] >= REGULAR
     for block in sim.bonds.blocks:
         index, first, second, _ = sim.bonds.layout.ends(block, sim.bonds.pairs)
-        size = np.sqrt((block.strain_increment**2).sum(axis=1)) * block.active
-        np.maximum.at(jump, first[index], size)
-        np.maximum.at(jump, second[index], size)
+        first, second = first[index], second[index]
+        counts = block.active & regular[first] & regular[second]
+        size = np.sqrt((block.strain_increment**2).sum(axis=1)) * counts
+        np.maximum.at(jump, first, size)
+        np.maximum.at(jump, second, size)
         ends = np.isin(p.id, sim.bonds.peak_ends(block))
-        jump[ends] = np.maximum(jump[ends], np.sqrt(block.peak[0]))
+        if regular[ends].all():
+            jump[ends] = np.maximum(jump[ends], np.sqrt(block.peak[0]))
     return jump[: p.owned]
 
 
@@ -213,3 +232,18 @@ def _survey_points(owned, position, velocity, material, inverse_square, seen, di
             nan = 1.0
         largest = max(largest, square * inverse_square[material[i]])
     seen[0], seen[1] = nan, largest
+
+
+@kernel
+def _add_differences(owned, first, second, weight, share, volume, velocity, regular, sums, dim):
+    """Add to `sums` (owned, 1 + d) of both ends of a pair w V, and w V times its velocity less the other's."""
+    for b in range(first.shape[0]):
+        i, j = first[b], second[b]
+        if not (weight[b] > 0.0 and share[i, 1] >= regular and share[j, 1] >= regular):
+            continue
+        for here, there in ((i, j), (j, i)):
+            if here < owned:
+                w = weight[b] * volume[there]
+                sums[here, 0] += w
+                for a in range(len(dim)):
+                    sums[here, 1 + a] += w * (velocity[here, a] - velocity[there, a])

@@ -33,6 +33,7 @@ def geometry_problems(scene: SceneInput) -> Iterator[Problem]:
         yield Problem(("spacing",), f"{total:.3g} points are too many (at most {MAX_SITES:.0e}); enlarge it")
     if problems or total > MAX_SITES:
         return
+    yield from _domain_problems(scene, lattices, origin)
     for k, second in enumerate(lattices):
         overlapped = [(first, place) for first in lattices[:k] if (place := find_overlap(first, second)) is not None]
         for first, place in overlapped:
@@ -42,6 +43,22 @@ def geometry_problems(scene: SceneInput) -> Iterator[Problem]:
         if not overlapped and not any(len(ids) for ids, *_ in second.chunks()):
             message = f"contains no point: it is thinner than the spacing ({second.spacing:g} m)"
             yield Problem(("bodies", k, "shape"), message)
+
+
+def _domain_problems(scene: SceneInput, lattices: list[Lattice], origin: np.ndarray) -> Iterator[Problem]:
+    """Bodies that reach out of the domain."""
+    if scene.domain is None:
+        return
+    for name, sign in (("lower", 1.0), ("upper", -1.0)):
+        for a, bound in enumerate(getattr(scene.domain, name) or ()):
+            if bound is None:
+                continue
+            ends = [sign * (getattr(lattice, name)[a] + origin[a]) for lattice in lattices]
+            k = int(np.argmin(ends))
+            if ends[k] < sign * bound:
+                reach = f"reaches to {sign * ends[k]:.6g} along {'xyz'[a]}"
+                message = f"the body '{lattices[k].body.name}' {reach}; make the domain larger"
+                yield Problem(("domain", name), message)
 
 
 def _file_problems(scene: SceneInput) -> Iterator[Problem]:

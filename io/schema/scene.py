@@ -14,6 +14,7 @@ from periporo.io.schema.base import (
     Flag,
     Integer,
     Name,
+    OpenPosition,
     Position,
     Real,
     SceneModel,
@@ -193,6 +194,19 @@ class Checkpoint(SceneModel):
     keep: Integer = key("checkpoints that are kept", default=2, ge=1, le=1000)
 
 
+class Domain(SceneModel):
+    """A box that points may leave, but not come back to: outside they are taken away."""
+
+    lower: OpenPosition | None = key("lower corner, null = open", "m", default=None, vector=True, place="point")
+    upper: OpenPosition | None = key("upper corner, null = open", "m", default=None, vector=True, place="point")
+
+    @model_validator(mode="after")
+    def _bounds(self):
+        if self.lower is None and self.upper is None:
+            raise ValueError("give at least one of lower, upper")
+        return self
+
+
 class Monitor(SceneModel):
     """What is watched during the run."""
 
@@ -227,6 +241,7 @@ class SceneInput(SceneModel):
     initial_stress: InitialStress | None = key("stress at the start, default none", default=None)
     boundaries: dict[Name, Boundary] = key("boundary conditions by name, for use in stages", default={})
     contacts: tuple[Contact, ...] = key("what bodies may touch", default=(), max_length=1000)
+    domain: Domain | None = key("where points stay; default everywhere", default=None)
     pore_water: PoreWater | None = key("water in the pores, default dry", default=None)
     stages: tuple[Stage, ...] = key("what happens, one after the other", min_length=1, max_length=1000)
     time_step: TimeStep = key("choice of the time step", default=TimeStep())
