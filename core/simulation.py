@@ -137,7 +137,7 @@ class Simulation:
         self.domain = self._divided()
         owner = self.domain.owner(p.position[: p.owned])
         if self.departures is not None:
-            owner[self._departing()] = GONE
+            owner[self._departing(self.departures)] = GONE
         self.bonds.collect(self.comm, p, owner)
         owned = self.halo.migrate(p, owner)
         owned["reference_position"] = owned["position"].copy()
@@ -147,13 +147,13 @@ class Simulation:
         self.rebuild_count += 1
         self.rebuilt_at = self.step_number
 
-    def _departing(self) -> np.ndarray:
+    def _departing(self, departures: Departures) -> np.ndarray:
         """Which owned points (owned,) leave now; their energy is booked."""
-        leaving = self.departures.outside(self.particles)
+        leaving = departures.outside(self.particles)
         count = self.comm.allreduce(int(leaving.sum()))
         if count:
-            self.departures.count += count
-            self.departures.sums += exact_sum(self.comm, self.departures.energies(self.particles, leaving))
+            departures.count += count
+            departures.sums += exact_sum(self.comm, departures.energies(self.particles, leaving))
         return leaving
 
     def _adapt_skin(self) -> None:

@@ -29,7 +29,7 @@ class Departures:
     def outside(self, p: Particles) -> np.ndarray:
         """Which owned points have left the box, (owned,) bool; one that is nowhere (NaN) has not."""
         x = p.position[: p.owned]
-        return ((x < self.lower) | (x > self.upper)).any(axis=1)
+        return np.any((x < self.lower) | (x > self.upper), axis=1)
 
     def energies(self, p: Particles, leaving: np.ndarray) -> np.ndarray:
         """Kinetic energy and work (n, 1 + len(WORK)) J of the points `leaving` (owned,) bool."""

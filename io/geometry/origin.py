@@ -53,7 +53,8 @@ def _moved(value: Any, origin: list[float], level: float) -> Any:
     changed = {}
     for name, info in type(value).model_fields.items():
         before = getattr(value, name)
-        match (info.json_schema_extra or {}).get("place") if before is not None else None:
+        extra = info.json_schema_extra
+        match extra.get("place") if isinstance(extra, dict) and before is not None else None:
             case "point":
                 changed[name] = _point(before, origin)
             case "level":

@@ -50,7 +50,7 @@ def inside(shape: Shape, positions: np.ndarray) -> np.ndarray:
 def holds(shape: Shape, positions: np.ndarray, margin: float) -> np.ndarray:
     """Which of `positions` (n, d) lie inside a shape that is larger by `margin` m all around (smaller if negative)."""
     lower, upper = bounds(shape, positions.shape[1])
-    within = ((positions >= lower - margin) & (positions <= upper + margin)).all(axis=1)
+    within = np.all((positions >= lower - margin) & (positions <= upper + margin), axis=1)
     match shape:
         case Disc() | Sphere():
             return within & (np.sum((positions - shape.center) ** 2, axis=1) <= (shape.radius + margin) ** 2)
