@@ -110,7 +110,7 @@ def described(value: Any) -> str:
             return shorten(repr(value), 40)
 
 
-def nearest(word: Any, allowed: Iterable[str], cutoff: float = 0.6) -> str | None:
+def nearest(word: Any, allowed: Iterable[str], cutoff: float = 0.75) -> str | None:
     """The member of `allowed` that `word` most likely stands for, or None; case does not matter.
 
     `cutoff` is the least similarity, from 0 (anything) to 1 (equal).

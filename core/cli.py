@@ -25,7 +25,11 @@ _OTHER_MPIRUN = "Use the mpirun that belongs to it (with the extra 'mpi': the on
 LAUNCHERS = {  # variable with the number of processes -> who sets it, and what to do instead; the first one counts
     "OMPI_COMM_WORLD_SIZE": ("Open MPI's mpirun", _OTHER_MPIRUN),
     "PMI_SIZE": ("MPICH's mpirun", _OTHER_MPIRUN),
-    "SLURM_STEP_NUM_TASKS": ("srun", "Use srun --mpi=pmix for Open MPI, --mpi=pmi2 for MPICH, or its own mpirun."),
+    "SLURM_STEP_NUM_TASKS": (
+        "srun",
+        "Use srun --mpi=pmix for Open MPI, --mpi=pmi2 for MPICH, or its own mpirun; for one rank in an interactive "
+        "shell of SLURM, unset SLURM_STEP_NUM_TASKS.",
+    ),
 }
 
 
@@ -105,7 +109,8 @@ def _use_tool(arguments) -> int:
 
 
 def _simulate(arguments) -> int:
-    _refuse_foreign_launcher()
+    if arguments.word == "run":  # one rank can check a scene as well as many
+        _refuse_foreign_launcher()
     from mpi4py import MPI
 
     from periporo.core.bonds.bonds import RefusedStep
@@ -147,13 +152,14 @@ def _refuse_foreign_launcher() -> None:
     """A launcher that the MPI library does not understand starts unconnected copies of a program: say so instead."""
     from mpi4py import MPI
 
-    variable = next((name for name in LAUNCHERS if name in os.environ), None)
-    if variable is None or int(os.environ[variable]) < 2 or MPI.COMM_WORLD.size > 1:
+    told = {name: os.environ.get(name, "") for name in LAUNCHERS}
+    variable = next((name for name, count in told.items() if count.isdecimal()), None)  # an empty one says nothing
+    if variable is None or int(told[variable]) < 2 or MPI.COMM_WORLD.size > 1:
         return
     launcher, remedy = LAUNCHERS[variable]
     name, version = MPI.get_vendor()
     print(
-        f"periporo: started by {launcher} as {os.environ[variable]} processes, but mpi4py here is built on {name} "
+        f"periporo: started by {launcher} as {told[variable]} processes, but mpi4py here is built on {name} "
         f"{'.'.join(map(str, version))}, so they do not see each other. {remedy}",
         file=sys.stderr,
     )

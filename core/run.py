@@ -1,5 +1,6 @@
 """A whole run from the command line: scene, observers, summary, pictures."""
 
+import math
 import platform
 import time
 from collections.abc import Callable, Iterable
@@ -16,6 +17,7 @@ from periporo.core.points import departures, fields
 from periporo.core.points.probes import Probes
 from periporo.core.ranks.reductions import quantile
 from periporo.core.scene.build import build, output_names
+from periporo.core.scene.check import without_company
 from periporo.core.scene.source import Source, naming, read_everywhere
 from periporo.core.simulation import Simulation
 from periporo.core.watch.interrupt import Interrupted, Keeper, Signals
@@ -89,6 +91,8 @@ def run(
                 progress.message(jit.COMPILING)
             _start(sim, target) if state is None else _go_on(sim, state, target)
             jit.remember_warm()
+            for remark in without_company(sim, scene):
+                progress.message(f"doubtful: {remark}")
             progress.message(f"ready after {time.monotonic() - began:.1f} s")
             sim.timing.reset()
             sim.halo.reset_counters()
@@ -261,7 +265,7 @@ def _deposit(sim, history) -> dict:
     across = sim.extent.distance(p.position[:n])
     regular = p.share[:n, 1] > 0.0
     return {
-        "run_out_m": quantile(sim.comm, across[regular], 0.99) + 0.5 * sim.spacing,
+        "run_out_m": quantile(sim.comm, across[regular], 0.99) + 0.5 * sim.spacing,  # NaN if all fly freely
         "height_m": history.latest["height"],
         "free_flying_points": sim.comm.allreduce(int((~regular).sum())),
     }
@@ -272,12 +276,15 @@ def _summary(sim, history, figures) -> list[str]:
     last, units = history.latest, history.UNITS | departures.UNITS
     energies = [name for name in last if units.get(name) == "J"]
     ledger = [f"  {name.replace('_', ' '):22s} {last[name] + 0.0:+.6e} J" for name in energies]  # + 0.0: no minus zero
+    run_out = f"{figures['run_out_m']:.4g} m (99 % of the deposit)"
+    if math.isnan(figures["run_out_m"]):
+        run_out = "none (no point has regular company)"
     error, failed = abs(last["energy_residual"] - last["integration_term"]), figures["failed_updates"]
     return [
         "energy ledger",
         *ledger,
         f"  unexplained            {error:.1e} J",
-        f"run-out {figures['run_out_m']:.4g} m (99 % of the deposit), height {figures['height_m']:.4g} m, "
+        f"run-out {run_out}, height {figures['height_m']:.4g} m, "
         f"free-flying points {figures['free_flying_points']}",
         *([f"{last['departed_points']:,} points left the domain"] if "departed_points" in last else []),
         *([f"{failed:,} updates of laws failed: those rows kept their stress"] if failed else []),

@@ -18,7 +18,7 @@ def load(name: str) -> type:
     """
     found = available()
     if name not in found:
-        near = difflib.get_close_matches(name, found, n=1)
+        near = difflib.get_close_matches(name, found, n=1, cutoff=0.75)
         hint = f" Did you mean '{near[0]}'?" if near else ""
         raise KeyError(f"no material model '{name}' is installed; installed: {', '.join(sorted(found))}.{hint}")
     return found[name].load()

@@ -22,7 +22,7 @@ def check_scene(path, comm) -> int:
     if not jit.cache_is_warm() and comm.rank == 0:
         print(jit.COMPILING, flush=True)
     sim.start()
-    doubts = [*_step_too_long(sim), *_too_soft(sim, scene), *_doubts_of_laws(sim, scene)]
+    doubts = [*without_company(sim, scene), *_step_too_long(sim), *_too_soft(sim, scene), *_doubts_of_laws(sim, scene)]
     sim.step()  # the first one measures the stable time step
     began, trials = time.perf_counter(), 20
     for _ in range(trials):
@@ -73,6 +73,22 @@ def _too_soft(sim, scene) -> list[str]:
                 f"material '{list(scene.materials)[block.index]}'; are its moduli in Pa?"
             )
     return doubts
+
+
+def without_company(sim, scene) -> list[str]:
+    """A remark on each body with points that have no regular company and so bear no stress."""
+    p, n = sim.particles, sim.particles.owned
+    alone = p.share[:n, 1] == 0.0
+    remarks = []
+    for k, body in enumerate(scene.bodies):
+        mine = np.array([(alone & (p.body[:n] == k)).sum(), (p.body[:n] == k).sum()])
+        count, points = (int(c) for c in sim.comm.allreduce(mine))
+        if count:
+            remarks.append(
+                f"{count:,} of the {points:,} points of body '{body.name}' bear no stress: they stand alone, in a pair "
+                "or in a row; make it two points thick or more, by a smaller spacing"
+            )
+    return remarks
 
 
 def _friction(scene) -> list[str]:

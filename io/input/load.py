@@ -1,5 +1,6 @@
 """Reading a scene from a YAML file or a dictionary, with all that is wrong with it."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from periporo.io.schema.errors import problems_of
 from periporo.io.schema.scene import SceneInput, scene_schema
 
 _MAX_NESTING = 40
+_EXPONENT = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+")
 
 
 def load_scene(path: str | Path) -> SceneInput:
@@ -58,11 +60,16 @@ def _with_line(problem: Problem, source: YamlSource | None) -> Problem:
 
 
 def _plain(value: Any, depth: int = 0) -> Any:
-    """Arrays and NumPy numbers as lists and numbers, throughout a nest of dictionaries and lists."""
+    """Arrays, NumPy numbers and numbers as text as lists and numbers, throughout a nest of dictionaries and lists.
+
+    The text is what PyYAML makes of 25e6, which YAML 1.1 reads as a number only with a point and a sign: 25.0e+6.
+    """
     if depth > _MAX_NESTING:
         raise InputError("scene", [Problem((), f"nested more than {_MAX_NESTING} levels deep")])
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
+    if isinstance(value, str) and _EXPONENT.fullmatch(value):
+        return float(value)
     if isinstance(value, dict):
         return {k: _plain(v, depth + 1) for k, v in value.items()}
     if isinstance(value, list | tuple):

@@ -1,7 +1,7 @@
 """Reading of result files: NumPy arrays by field and time."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import h5py
 import numpy as np
@@ -41,7 +41,7 @@ class Results:
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
-        self._file = _open(self.path)
+        self._file, self._handle = _open(self.path)
         try:
             steps = self._file["VTKHDF/Steps"]
             count = int(steps.attrs["NSteps"])
@@ -55,7 +55,7 @@ class Results:
             origin = self.attributes.get("origin", np.zeros(3))
             self.origin = np.pad(origin, (0, 3 - len(origin)))  # that places in the file are counted from, m
         except (KeyError, OSError, RuntimeError) as error:
-            self._file.close()
+            self.close()
             raise ResultError(f"{self.path} is damaged or not a result file of periporo: {error}") from None
 
     def __enter__(self) -> "Results":
@@ -71,6 +71,7 @@ class Results:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+        self._handle.close()
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -186,15 +187,20 @@ class Results:
             raise ResultError(f"{self.path} is damaged at {name}, output {k}: {error}") from None
 
 
-def _open(path):
+def _open(path: Path) -> tuple[h5py.File, BinaryIO]:
     if not path.is_file():
         raise ResultError(f"{path} does not exist" if not path.exists() else f"{path} is not a file")
+    # Through Python's file: HDF5 would lock its own where the environment says so (HDF5_USE_FILE_LOCKING), though the
+    # run is still writing, and give a second reader in this process what the first one has seen.
+    handle = path.open("rb")
     try:
-        file = h5py.File(path, "r", locking=False)  # no lock: the run may still be writing
+        file = h5py.File(handle, "r")
     except (OSError, RuntimeError) as error:
+        handle.close()
         reason = "it is truncated or damaged" if h5py.is_hdf5(path) else "it is not an HDF5 file"
         raise ResultError(f"cannot read {path}: {reason} ({error})") from None
     if "VTKHDF/Steps/StepNumbers" not in file or "Run" not in file:
         file.close()
+        handle.close()
         raise ResultError(f"{path} is an HDF5 file, but not a result file of periporo")
-    return file
+    return file, handle

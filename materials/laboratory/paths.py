@@ -2,6 +2,7 @@
 
 import csv
 import math
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -100,12 +101,20 @@ def _read_table(file: str) -> tuple[list[int], list[str], np.ndarray]:
         raise InputError(file, [Problem((), "a path needs a header and at least two rows")])
     if len(numbered) > MAX_ROWS:
         raise InputError(file, [Problem((), f"a path may have {MAX_ROWS} rows, not {len(numbered) - 1}")])
-    header = numbered[0][1]
+    line, header = numbered[0]
+    for sign, separator in (("a semicolon", ";"), ("a tab", "\t")):
+        if len(header) == 1 and separator in header[0]:
+            message = f"columns are separated by {sign}; separate them by commas, with points in numbers"
+            raise InputError(file, [Problem((), message, line)])
     values = []
-    for number, cells in numbered[1:]:
+    for number, cells in numbered:
+        if cells[-1] == "":
+            message = "the line ends with a comma, as if another column followed; remove it"
+            raise InputError(file, [Problem((), message, number)])
         if len(cells) != len(header):
             message = f"{len(cells)} values under {len(header)} columns"
             raise InputError(file, [Problem((), message, number)])
+    for number, cells in numbered[1:]:
         values.append([_number(file, number, name, cell) for name, cell in zip(header, cells, strict=True)])
     return [number for number, _ in numbered], header, np.array(values)
 
@@ -125,7 +134,9 @@ def _check_header(file: str, line: int, header: list[str]) -> None:
     problems = []
     for name in header:
         if name not in known:
-            problems.append(Problem((name,), f"unknown column; {choice(name, known)}", line))
+            meant = _meant(name)
+            hint = choice(name, known) if meant is None else f"did you mean '{meant}'?"
+            problems.append(Problem((name,), f"unknown column; {hint}", line))
     for name in sorted({n for n in header if header.count(n) > 1}):
         problems.append(Problem((name,), "this column stands here twice", line))
     if "time_s" not in header:
@@ -141,6 +152,16 @@ def _check_header(file: str, line: int, header: list[str]) -> None:
             problems.append(Problem((f"stress_{c}",), f"give this or strain_{c}, not both", line))
     if problems:
         raise InputError(file, problems)
+
+
+def _meant(name: str) -> str | None:
+    """The column that goes by another name elsewhere: eps_xx, sigma_yy, t."""
+    found = re.fullmatch(r"(e|eps|epsilon|strain|s|sig|sigma|stress)_?([xyz]{2})", name.lower())
+    if found:
+        kind, component = ("stress" if found[1].startswith("s") and found[1] != "strain" else "strain"), found[2]
+        component = component if component in COMPONENTS else component[::-1]
+        return f"{kind}_{component}" if component in COMPONENTS else None
+    return "time_s" if name.lower() in ("t", "time", "time [s]") else None
 
 
 def _gradients(columns: dict[str, np.ndarray], rows: int) -> np.ndarray:

@@ -290,6 +290,12 @@ def test_csv_columns(tmp_path):
 @pytest.mark.parametrize(
     "text, message",
     [
+        ("time_s;strain_xx\n0;0\n1;1\n", "line 1: columns are separated by a semicolon; separate them by commas"),
+        ("time_s\tstrain_xx\n0\t0\n1\t1\n", "line 1: columns are separated by a tab"),
+        ("time_s,strain_xx,\n0,0,\n1,1,\n", "line 1: the line ends with a comma, as if another column followed"),
+        ("time_s,strain_xx\n0,0\n1,1,\n", "line 3: the line ends with a comma"),
+        ("time_s,eps_xx\n0,0\n1,1\n", "line 1, eps_xx: unknown column; did you mean 'strain_xx'?"),
+        ("t,sigma_zy\n0,0\n1,1\n", "line 1, sigma_zy: unknown column; did you mean 'stress_yz'?"),
         ("time_s,strain_yx\n0,0\n1,0\n", "line 1, strain_yx: unknown column; did you mean 'strain_"),
         ("strain_xx\n0\n1\n", "time_s: this column is missing"),
         ("time_s\n0\n1\n", "no column of strain, stress or F"),

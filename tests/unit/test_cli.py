@@ -17,6 +17,7 @@ from periporo.core import cli
 from periporo.core.numerics import jit
 from periporo.core.simulation import Simulation
 from periporo.errors import SCREEN_LINES, SCREEN_WIDTH
+from periporo.io.input.load import parse_scene
 
 
 @pytest.fixture
@@ -377,3 +378,51 @@ def test_damaged_scenes_are_refused_or_valid_but_never_crash(call, tmp_path, mon
         assert_refused(result, tmp_path, "problem")
         assert "pydantic" not in result[2]
     assert refused > 60
+
+
+LAUNCHED = {"PMI_SIZE": "", "SLURM_STEP_NUM_TASKS": "", "OMPI_COMM_WORLD_SIZE": "none"}
+
+
+def test_launchers_are_asked_only_when_ranks_matter(call, scene, monkeypatch):
+    """Empty variables say nothing; an interactive shell of SLURM may have four tasks and still check a scene alone."""
+    for name, value in LAUNCHED.items():
+        monkeypatch.setenv(name, value)
+    assert call(scene(), "--no-plot", "--quiet")[0] == 0
+    monkeypatch.setenv("SLURM_STEP_NUM_TASKS", "4")
+    monkeypatch.delenv("PMI_SIZE"), monkeypatch.delenv("OMPI_COMM_WORLD_SIZE")
+    assert call("check", "scene.yaml")[0] == 0 and call("info", "scene.vtkhdf")[0] == 0
+    status, _, error = call("scene.yaml", "--overwrite", "--quiet")
+    assert status == 2 and "started by srun as 4 processes" in error and "unset SLURM_STEP_NUM_TASKS" in error
+
+
+def test_a_scene_as_pyyaml_reads_it_runs(scene, tmp_path):
+    """YAML 1.1 makes text of 25e6."""
+    text = (tmp_path / scene()).read_text().replace("25000000.0", "25e6").replace("0.001", "1e-3")
+    data = yaml.safe_load(text)
+    assert data["materials"]["soil"]["bulk_modulus"] == "25e6" and data["stages"][0]["duration"] == "1e-3"
+    read = parse_scene(data)
+    assert read.materials["soil"].parameters["bulk_modulus"] == 25e6 and read.stages[0].duration == 1e-3
+
+
+def test_a_law_of_another_package_is_not_taken_for_a_misspelt_one(call, scene):
+    soil = SOIL | {"model": "hypoplastic"}
+    _, _, error = call("check", scene(materials={"soil": soil}))
+    assert "no material model of this name is installed" in error and "did you mean" not in error
+
+
+@pytest.mark.parametrize("word", ["check", "run"])
+def test_points_without_company_are_counted(call, scene, scene_of, word):
+    """A beam one point thick falls like dust."""
+    beam = {"name": "beam", "material": "soil",
+            "shape": {"type": "box", "lower": [-0.2, 0.2], "upper": [0.2, 0.21]}}  # fmt: skip
+    scene(bodies=[*scene_of()["bodies"], beam])
+    status, out, error = call(word, "scene.yaml", *(["--no-plot"] if word == "run" else []))
+    assert status == 0 and "run-out nan" not in out
+    assert "40 of the 40 points of body 'beam' bear no stress" in " ".join(out.split())
+    assert "'block'" not in out + error
+
+
+def test_a_scene_of_dust_has_no_run_out(call, scene):
+    dust = {"name": "dust", "material": "soil", "shape": {"type": "box", "lower": [-0.05, 0], "upper": [0.05, 0.01]}}
+    status, out, _ = call(scene(bodies=[dust]), "--no-plot")
+    assert status == 0 and "run-out none" in out

@@ -1,6 +1,9 @@
 """Reading of result files."""
 
 import importlib.util
+import os
+import subprocess
+import sys
 
 import h5py
 import numpy as np
@@ -108,3 +111,25 @@ def test_xarray(tmp_path):
     assert float(data.stress.sel(id=9, time=0.5, component="zz")) == 90
     assert float(data.speed.sel(id=2, time=0.5)) == 3 and np.isnan(data.speed.sel(id=9, time=0.0))
     assert float(data.position.sel(id=4, time=0.0, axis="y")) == -4
+
+
+@pytest.mark.parametrize("locking", ["TRUE", "BEST_EFFORT", ""])
+def test_a_running_file_is_read_as_it_is_now_whatever_the_environment_says_of_locks(tmp_path, locking):
+    """A second look in the same process sees what the first could not, and HDF5's own locks keep nobody out."""
+    script = (
+        "import sys, subprocess\nimport numpy as np\nfrom mpi4py import MPI\n"
+        "from periporo.io.output.results import open_results\nfrom periporo.io.output.writer import ResultWriter\n"
+        "path = sys.argv[1]\n"
+        "with ResultWriter(path, MPI.COMM_SELF, dimension=2, fields={}) as writer:\n"
+        "    writer.write(0.0, 0, [0, 1], np.zeros((2, 2)), {})\n"
+        "    early = open_results(path)\n"
+        "    writer.write(1.0, 1, [0, 1], np.ones((2, 2)), {})\n"
+        "    late = open_results(path)\n"
+        "    print(len(early), len(late), late.positions()[1, 0])\n"
+        "    look = 'import sys; from periporo import open_results; print(len(open_results(sys.argv[1])))'\n"
+        "    subprocess.run([sys.executable, '-c', look, path], check=True)\n"
+    )
+    environment = os.environ | {"HDF5_USE_FILE_LOCKING": locking} if locking else os.environ
+    done = subprocess.run([sys.executable, "-u", "-c", script, tmp_path / "run.vtkhdf"], env=environment, timeout=100,
+                          capture_output=True, text=True)  # fmt: skip
+    assert done.returncode == 0 and done.stdout.split() == ["1", "2", "1.0", "2"], done.stderr
