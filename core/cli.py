@@ -113,14 +113,23 @@ def _simulate(arguments) -> int:
         _refuse_foreign_launcher()
     from mpi4py import MPI
 
+    from periporo.core.ranks.processors import agree
+    from periporo.errors import InputError, OutputError
+
+    comm = MPI.COMM_WORLD
+    try:  # before any kernel is imported
+        agree(comm, lambda: _wants_common_processor(arguments.config))
+    except InputError as error:
+        if comm.rank == 0:
+            print(f"periporo: {error}", file=sys.stderr, flush=True)
+        return INPUT_ERROR
+
     from periporo.core.bonds.bonds import RefusedStep
     from periporo.core.motion.relaxation import RelaxationError
     from periporo.core.run import run
     from periporo.core.scene.check import check_scene
     from periporo.core.watch.watchdog import WatchdogError
-    from periporo.errors import InputError, OutputError
 
-    comm = MPI.COMM_WORLD
     try:
         if arguments.word == "check":
             return check_scene(arguments.config, comm)
@@ -138,6 +147,18 @@ def _simulate(arguments) -> int:
         return _give_up(comm, "interrupted while the scene was made; nothing to resume", INTERRUPTED)
     except Exception:  # in a plugin, or a fault of the program
         return _give_up(comm, f"rank {comm.rank} failed:\n{traceback.format_exc()}", RUN_ERROR)
+
+
+def _wants_common_processor(config: str) -> bool:
+    """Whether the scene in a file says `cpu_target: common`; what else is wrong with it is said later."""
+    from periporo.errors import InputError
+    from periporo.io.input.yaml_source import read_yaml
+
+    try:
+        data = read_yaml(config).data
+    except InputError:
+        return False
+    return isinstance(data, dict) and data.get("cpu_target") == "common"
 
 
 def _give_up(comm, message: str, status: int) -> int:

@@ -8,13 +8,13 @@ from contextlib import closing
 from importlib import metadata
 from pathlib import Path
 
-import llvmlite.binding
 import yaml
 from mpi4py import MPI
 
 from periporo.core.numerics import jit
 from periporo.core.points import departures, fields
 from periporo.core.points.probes import Probes
+from periporo.core.ranks.processors import agree
 from periporo.core.ranks.reductions import quantile
 from periporo.core.scene.build import build, output_names
 from periporo.core.scene.check import without_company
@@ -67,6 +67,7 @@ def run(
     began = time.monotonic()
     comm = MPI.COMM_WORLD if comm is None else comm
     scene = read_everywhere(source, comm)
+    agree(comm, lambda: scene.cpu_target == "common")
     target = _target(scene, source, file, resume)
     with Progress(comm, enabled=not quiet) as progress, Signals() as signals:
         if resume and everywhere(comm, _is_finished, target):
@@ -91,6 +92,8 @@ def run(
                 progress.message(jit.COMPILING)
             _start(sim, target) if state is None else _go_on(sim, state, target)
             jit.remember_warm()
+            for remark in jit.remarks:
+                progress.message(remark)
             for remark in without_company(sim, scene):
                 progress.message(f"doubtful: {remark}")
             progress.message(f"ready after {time.monotonic() - began:.1f} s")
@@ -198,7 +201,8 @@ def _keeper(scene, target, writer, walltime, signals, message, began):
 
 def _fingerprint(scene) -> str:
     """The scene as JSON without what may change between the parts of a run."""
-    return scene.model_dump_json(exclude={"title": True, "checkpoint": True, "monitor": {"energy_tolerance"}})
+    free = {"title": True, "cpu_target": True, "checkpoint": True, "monitor": {"energy_tolerance"}}
+    return scene.model_dump_json(exclude=free)
 
 
 def _state_to_resume(scene, target, comm, message):
@@ -241,7 +245,7 @@ def _attributes(scene, sim):
         "versions": ", ".join(f"{k} {v}" for k, v in versions.items()),
         "python": platform.python_version(),
         "machine": platform.machine(),
-        "cpu": llvmlite.binding.get_host_cpu_name(),
+        "cpu": jit.processor()[0],
         "ranks": sim.comm.size,
         **({"origin": sim.origin} if sim.origin.any() else {}),
     }

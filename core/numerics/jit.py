@@ -12,13 +12,16 @@ import hashlib
 import os
 import re
 import shutil
+import stat
 import tempfile
 import time
 from importlib import metadata
 from pathlib import Path
 
+import llvmlite.binding
 import numba
 from numba.core import config as numba_config
+from numba.core.registry import cpu_target
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 _UNUSED = 30 * 86400.0  # s after which machine code that no process asked for is deleted
@@ -29,13 +32,37 @@ _IMPORTS = re.compile(r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)
 FASTMATH = {"contract", "arcp", "nsz"}
 
 
+def processor() -> tuple[str, str]:
+    """Name and features of the processor that kernels are compiled for: this one's, or what numba is told.
+
+    The variables NUMBA_CPU_NAME and NUMBA_CPU_FEATURES tell it, or `compile_for`.
+    """
+    name = numba_config.CPU_NAME or llvmlite.binding.get_host_cpu_name()
+    if numba_config.CPU_FEATURES is not None:
+        return name, numba_config.CPU_FEATURES
+    return name, llvmlite.binding.get_host_cpu_features().flatten()
+
+
+def common_processor(processors: list[tuple[str, str]]) -> tuple[str, str]:
+    """Name and features of a processor whose machine code all of the `processors` can run: what they have in common."""
+    names = {name for name, _ in processors}
+    features = [{f for f in text.split(",") if f.startswith("+")} for _, text in processors]
+    return names.pop() if len(names) == 1 else "generic", ",".join(sorted(set.intersection(*features)))
+
+
+def compile_for(name: str, features: str) -> None:
+    """Have kernels compiled for another processor than this one.
+
+    Raises RuntimeError if a module with kernels has been imported, for then the compiler has been set up.
+    """
+    if "_toplevel_target_context" in vars(cpu_target):
+        raise RuntimeError("the compiler is set up for this processor already")
+    numba_config.CPU_NAME, numba_config.CPU_FEATURES = name, features
+
+
 def _machine() -> str:
     """What decides machine code beside the sources: the compiler's version and the processor."""
-    cpu = f"{numba_config.CPU_NAME} {os.uname().machine}"
-    if Path("/proc/cpuinfo").exists():
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        cpu += next((line for line in lines if line.startswith("flags")), "")
-    return f"{numba.__version__} {cpu}"
+    return " ".join((numba.__version__, os.uname().machine, *processor()))
 
 
 def _digest(sources) -> str:
@@ -83,19 +110,49 @@ def sources_of(source: Path) -> tuple[Path, ...]:
     return tuple(sorted(found))
 
 
+def _home() -> Path:
+    """The folder that users name for machine code, or the usual one."""
+    named = os.environ.get("PERIPORO_CACHE")
+    usual = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return Path(named or os.path.join(usual, "periporo"))
+
+
 def _writable_root() -> Path:
-    home = os.environ.get("PERIPORO_CACHE") or os.path.join(
-        os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "periporo"
-    )
-    for root in (Path(home), Path(tempfile.gettempdir()) / f"periporo-{os.getuid()}"):
-        try:
-            root.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=root):
-                pass
-        except OSError:
-            continue
-        return root
-    raise OSError(f"no folder for compiled kernels: neither {home} nor the temporary folder can be written")
+    """The first folder that machine code can be written to: home, or one of our own in the temporary folder."""
+    home, reason = _home(), ""
+    with contextlib.suppress(OSError):
+        home.mkdir(parents=True, exist_ok=True)
+        _try_to_write(home)
+        return home
+    temporary = Path(tempfile.gettempdir()) / f"periporo-{os.getuid()}"
+    try:
+        _make_private(temporary)
+        _try_to_write(temporary)
+        return temporary
+    except OSError as error:
+        reason = error.strerror or str(error)
+    raise OSError(f"no folder for compiled kernels: {home} cannot be written, nor {temporary}: {reason}")
+
+
+def _try_to_write(folder: Path) -> None:
+    with tempfile.TemporaryFile(dir=folder) as file:
+        file.write(bytes(4096))
+
+
+def _make_private(folder: Path) -> None:
+    """Make a folder that only we can enter. Raises OSError if others could have put something there.
+
+    Machine code that is loaded is carried out, and anyone can make a folder of this name where all may write.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with contextlib.suppress(FileExistsError):
+        folder.mkdir(mode=0o700)
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+        raise OSError("it is a link, or belongs to another user; remove it, or name a folder in PERIPORO_CACHE")
+    if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        raise OSError("others can write to it; remove it, or name a folder in PERIPORO_CACHE")
+    folder.chmod(0o700)
 
 
 def _prune(root: Path) -> None:
@@ -106,35 +163,99 @@ def _prune(root: Path) -> None:
                 shutil.rmtree(folder)
 
 
-@functools.cache
-def cache_folder(source: Path) -> Path:
-    """Where machine code of the kernels in the file `source` lies."""
-    folder = CACHE_ROOT / _digest(sources_of(source))
-    folder.mkdir(exist_ok=True)
-    os.utime(folder)
-    return folder
+remarks: list[str] = []
+"""What went wrong with the cache in this process, for users; kernels work all the same."""
+
+
+def _remark(text: str) -> None:
+    if text not in remarks:
+        remarks.append(text)
 
 
 COMPILING = "compiling kernels (once, about half a minute)"
 
-CACHE_ROOT = _writable_root()
-_prune(CACHE_ROOT)
+CACHE_ROOT: Path | None = None
+"""Where machine code is kept; None if nowhere."""
+READY_MADE = _home()
+"""Where machine code may lie that we cannot add to, for example in the home of all users of a cluster."""
+
+try:
+    CACHE_ROOT = _writable_root()
+    _prune(CACHE_ROOT)
+except OSError as failure:
+    _remark(f"{failure}; every run compiles them")
+
+
+@functools.cache
+def cache_folder(source: Path) -> Path | None:
+    """Where machine code of the kernels in the file `source` lies; None if it cannot be kept."""
+    if CACHE_ROOT is None:
+        return None
+    name = _digest(sources_of(source))
+    folder = CACHE_ROOT / name
+    try:
+        if not folder.exists() and READY_MADE != CACHE_ROOT and (READY_MADE / name).is_dir():
+            _copy(READY_MADE / name, folder)
+        folder.mkdir(exist_ok=True)
+        os.utime(folder)
+    except OSError as error:
+        _remark(f"compiled kernels cannot be kept in {CACHE_ROOT}: {error.strerror}; every run compiles them")
+        return None
+    return folder
+
+
+def _copy(ready: Path, folder: Path) -> None:
+    """Copy machine code that lies ready, at once, for other ranks may do the same."""
+    partial = Path(tempfile.mkdtemp(dir=folder.parent))
+    try:
+        shutil.copytree(ready, partial, dirs_exist_ok=True)
+        partial.chmod(0o700)
+        with contextlib.suppress(OSError):  # another rank was quicker
+            partial.rename(folder)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
 
 
 def cache_is_warm() -> bool:
     """Whether a run of these sources has compiled its kernels on this processor before."""
-    return (CACHE_ROOT / program_fingerprint()).exists()
+    roots = [root for root in (CACHE_ROOT, READY_MADE) if root is not None]
+    return any((root / program_fingerprint()).exists() for root in roots)
 
 
 def remember_warm() -> None:
     """Note that a run has compiled its kernels."""
-    (CACHE_ROOT / program_fingerprint()).mkdir(exist_ok=True)
+    if CACHE_ROOT is not None:
+        with contextlib.suppress(OSError):  # the next run will say once more that it compiles
+            (CACHE_ROOT / program_fingerprint()).mkdir(exist_ok=True)
 
 
 def kernel(function):
     """Decorator of every compiled loop: explicit arrays in, results written in place."""
-    numba_config.CACHE_DIR = str(cache_folder(Path(function.__code__.co_filename).resolve()))
-    return numba.njit(cache=True, fastmath=FASTMATH, error_model="numpy")(function)
+    folder = cache_folder(Path(function.__code__.co_filename).resolve())
+    if folder is None:
+        return numba.njit(fastmath=FASTMATH, error_model="numpy")(function)
+    numba_config.CACHE_DIR = str(folder)
+    try:
+        compiled = numba.njit(cache=True, fastmath=FASTMATH, error_model="numpy")(function)
+    except (OSError, RuntimeError):  # the folder cannot be written any more: numba finds "no locator"
+        _remark(f"compiled kernels cannot be kept in {CACHE_ROOT}; every run compiles them")
+        return numba.njit(fastmath=FASTMATH, error_model="numpy")(function)
+    _forgive_full_disks(compiled)
+    return compiled
+
+
+def _forgive_full_disks(compiled) -> None:
+    """Let a kernel work though its machine code cannot be written."""
+    cache = compiled._cache
+    save = cache.save_overload
+
+    def save_or_remark(signature, data):
+        try:
+            save(signature, data)
+        except OSError as error:
+            _remark(f"compiled kernels cannot be kept in {CACHE_ROOT}: {error.strerror}; every run compiles them")
+
+    cache.save_overload = save_or_remark
 
 
 inlined = numba.njit(fastmath=FASTMATH, error_model="numpy", forceinline=True)

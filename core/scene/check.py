@@ -31,6 +31,7 @@ def check_scene(path, comm) -> int:
     points, pairs = comm.allreduce(sim.particles.owned), comm.allreduce(len(sim.bonds.pairs.first))
     duration = sum(getattr(stage, "duration", 0.0) for stage in sim.stages)
     steps = duration / sim.dt
+    doubts += jit.remarks
     if comm.rank == 0:
         print(f"{path}: valid")
         print(f"  points        {points:,}, pairs {pairs:,}, on {comm.size} rank(s)")

@@ -246,6 +246,10 @@ class SceneInput(SceneModel):
     stages: tuple[Stage, ...] = key("what happens, one after the other", min_length=1, max_length=1000)
     time_step: TimeStep = key("choice of the time step", default=TimeStep())
     output: Output = key("results", default=Output())
+    cpu_target: Literal["own", "common"] = key(
+        "what kernels are compiled for: each rank's own processor, which must be alike, or what all have in common",
+        default="own",
+    )
     checkpoint: Checkpoint | None = key("checkpoints, default none", default=None)
     monitor: Monitor = key("what is watched", default=Monitor())
 

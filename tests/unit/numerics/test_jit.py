@@ -66,7 +66,17 @@ def test_fingerprint_of_the_program_follows_its_sources_the_compiler_and_the_pro
     seen.add(jit.program_fingerprint())
     monkeypatch.setattr(jit.numba_config, "CPU_NAME", "generic-1")
     seen.add(jit.program_fingerprint())
-    assert len(seen) == 6
+    monkeypatch.setattr(jit.numba_config, "CPU_FEATURES", "+avx")
+    seen.add(jit.program_fingerprint())
+    assert len(seen) == 7 and jit.processor() == ("generic-1", "+avx")
+
+
+def test_what_processors_have_in_common():
+    processors = [("znver3", "+avx,+avx2,-avx512f,+fma"), ("haswell", "+avx,+avx2,+fma,+rtm")]
+    assert jit.common_processor(processors) == ("generic", "+avx,+avx2,+fma")
+    assert jit.common_processor([("haswell", "+fma,+avx"), ("haswell", "+avx,-fma")]) == ("haswell", "+avx")
+    with pytest.raises(RuntimeError, match="set up for this processor already"):
+        jit.compile_for("generic", "")
 
 
 def test_kernels_call_only_what_is_inlined():
@@ -103,6 +113,30 @@ def test_an_unwritable_home_falls_back_to_the_temporary_folder(monkeypatch, tmp_
     monkeypatch.setattr(jit.tempfile, "gettempdir", lambda: str(tmp_path / "file"))
     with pytest.raises(OSError, match="no folder for compiled kernels"):
         jit._writable_root()
+
+
+def test_the_temporary_folder_must_be_ours_alone(monkeypatch, tmp_path):
+    """Machine code is loaded and carried out: what others could have put there is refused."""
+    monkeypatch.setenv("PERIPORO_CACHE", "/dev/null/cache")
+    monkeypatch.setattr(jit.tempfile, "gettempdir", lambda: str(tmp_path))
+    ours = tmp_path / f"periporo-{os.getuid()}"
+    assert jit._writable_root() == ours and ours.stat().st_mode & 0o777 == 0o700
+    ours.chmod(0o755)  # others can read it, which does no harm
+    assert jit._writable_root() == ours and ours.stat().st_mode & 0o777 == 0o700
+    for mode in (0o770, 0o722, 0o777):
+        ours.chmod(mode)
+        with pytest.raises(OSError, match="others can write to it; remove it, or name a folder in PERIPORO_CACHE"):
+            jit._writable_root()
+    ours.rmdir()
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    ours.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(OSError, match="it is a link, or belongs to another user"):
+        jit._writable_root()
+    ours.unlink()
+    ours.mkdir(mode=0o700)
+    monkeypatch.setattr(jit.os, "getuid", lambda: 12345)
+    with pytest.raises(OSError, match="it is a link, or belongs to another user"):
+        jit._make_private(ours)
 
 
 def test_pruning_deletes_what_was_not_used_for_a_month(tmp_path):
@@ -142,3 +176,56 @@ def test_machine_code_lies_in_the_folder(tmp_path):
                            timeout=120, check=True).stdout.split() for _ in range(2)]  # fmt: skip
     assert [hits for hits, _ in runs] == ["0", "1"]
     assert any(Path(runs[0][1]).rglob("script.twice*"))
+
+
+TWICE = """
+import resource, sys, tempfile
+import numpy as np
+
+def refuse(dir, make=tempfile.TemporaryFile):
+    if str(dir).startswith(sys.argv[1]):
+        raise PermissionError(13, "Permission denied")
+    return make(dir=dir)
+
+if sys.argv[2] == "read-only":
+    tempfile.TemporaryFile = refuse
+from periporo.core.numerics import jit
+if sys.argv[2] == "full":
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+
+@jit.kernel
+def twice(x):
+    x[0] *= 2.0
+
+x = np.ones(1)
+twice(x)
+print(x[0], len(twice.stats.cache_hits), jit.CACHE_ROOT, jit.remarks, sep="|")
+"""
+
+
+@pytest.fixture
+def process(tmp_path):
+    """The function that compiles a kernel in a process of its own, in a way: result, hits, folder, remarks."""
+    script, cache = tmp_path / "script.py", tmp_path / "cache"
+    script.write_text(TWICE)
+    (tmp_path / "temporary").mkdir()
+    environment = os.environ | {"PERIPORO_CACHE": str(cache), "TMPDIR": str(tmp_path / "temporary")}
+
+    def run(way):
+        done = subprocess.run([sys.executable, str(script), str(cache), way], env=environment, capture_output=True,
+                              text=True, timeout=120)  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        return done.stdout.strip().split("|")
+
+    return run
+
+
+def test_a_full_disk_costs_a_remark(process):
+    result, hits, _, remarks = process("full")
+    assert (result, hits) == ("2.0", "0") and "cannot be kept in" in remarks and "File too large" in remarks
+
+
+def test_a_cache_that_lies_ready_is_used_though_it_cannot_be_written(process, tmp_path):
+    assert process("plain")[:2] == ["2.0", "0"]
+    result, hits, folder, remarks = process("read-only")
+    assert (result, hits) == ("2.0", "1") and folder.startswith(str(tmp_path / "temporary")) and remarks == "[]"
