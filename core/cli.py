@@ -109,6 +109,7 @@ def _use_tool(arguments) -> int:
 
 
 def _simulate(arguments) -> int:
+    _doubt_shared_memory()
     if arguments.word == "run":  # one rank can check a scene as well as many
         _refuse_foreign_launcher()
     from mpi4py import MPI
@@ -167,6 +168,13 @@ def _give_up(comm, message: str, status: int) -> int:
     if comm.size > 1:
         comm.Abort(status)
     return status
+
+
+def _doubt_shared_memory() -> None:
+    """MPI may die without a word that helps where a container has no shared memory: say so before."""
+    if os.path.isdir("/dev") and not os.access("/dev/shm", os.W_OK):
+        print("periporo: /dev/shm cannot be written, and MPI may not start without it, not even on one rank; give the "
+              "container one (docker: --tmpfs /dev/shm, apptainer: --bind /dev/shm)", file=sys.stderr, flush=True)  # fmt: skip
 
 
 def _refuse_foreign_launcher() -> None:

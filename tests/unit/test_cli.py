@@ -426,3 +426,10 @@ def test_a_scene_of_dust_has_no_run_out(call, scene):
     dust = {"name": "dust", "material": "soil", "shape": {"type": "box", "lower": [-0.05, 0], "upper": [0.05, 0.01]}}
     status, out, _ = call(scene(bodies=[dust]), "--no-plot")
     assert status == 0 and "run-out none" in out
+
+
+def test_a_container_without_shared_memory_is_told(call, scene, monkeypatch):
+    access = os.access
+    monkeypatch.setattr(cli.os, "access", lambda path, mode: path != "/dev/shm" and access(path, mode))
+    status, _, error = call("check", scene())
+    assert status == 0 and "/dev/shm cannot be written, and MPI may not start without it" in error
