@@ -173,8 +173,9 @@ def _give_up(comm, message: str, status: int) -> int:
 def _doubt_shared_memory() -> None:
     """MPI may die without a word that helps where a container has no shared memory: say so before."""
     if os.path.isdir("/dev") and not os.access("/dev/shm", os.W_OK):
-        print("periporo: /dev/shm cannot be written, and MPI may not start without it, not even on one rank; give the "
-              "container one (docker: --tmpfs /dev/shm, apptainer: --bind /dev/shm)", file=sys.stderr, flush=True)  # fmt: skip
+        remedy = "give the container one (docker: --tmpfs /dev/shm, apptainer: --bind /dev/shm)"
+        doubt = "/dev/shm cannot be written, and MPI may not start without it, not even on one rank"
+        print(f"periporo: {doubt}; {remedy}", file=sys.stderr, flush=True)
 
 
 def _refuse_foreign_launcher() -> None:
