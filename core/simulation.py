@@ -211,6 +211,8 @@ class Simulation:
         self._refusals = b.refusals()
         self._failed += b.failures(p.owned)
         timing.lap("material")
+        self.scheme.regularise(p, b, self.halo)
+        timing.lap("regularity")
         for process in self.point_processes:
             process.update(p, b, dt)
         timing.lap("point processes")
@@ -243,6 +245,7 @@ class Simulation:
         first_kick(p, forces, dt)  # v at t + dt/2
         for motion in self.prescribed_motions:
             motion.apply(p, self.time + dt / 2, dt, closing_step=False)
+        self.scheme.rearrange(p, self.prescribed_motions)
         self._moved = drift(p, forces, dt)  # x at t + dt
         timing.lap("integration")
         if self.neighbours_are_stale():

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from periporo.core.numerics.tensors import dimension_of, equivalent_shear, mean
-from periporo.core.points.material import BONDING, StateField
+from periporo.core.points.material import BONDING, OPENED, StateField
 from periporo.materials.base import MaterialParameters, units
 from periporo.materials.cam_clay_return import advance, bonded_size, bonding_exponents
 from periporo.materials.friction import FrictionAngles, angles_of_cone, shown
@@ -97,11 +97,12 @@ class CamClay(MaterialParameters):
 
     @property
     def state_fields(self) -> tuple[StateField, ...]:
-        """`preconsolidation`, then `bonding` if unsaturated, then `dissipation` if reported."""
+        """`preconsolidation`, then `bonding` if unsaturated, then `dissipation` if reported, then `opened`."""
         return (
             (PRECONSOLIDATION,)
             + ((BONDING,) if self.unsaturated else ())
             + ((DISSIPATION,) if self.report_dissipation else ())
+            + (OPENED,)
         )
 
     def for_unsaturated(self, initial_bonding: float = 0.0) -> "UnsaturatedCamClay":
@@ -145,7 +146,7 @@ class CamClay(MaterialParameters):
             strain_increment,
             state,
             1 if self.unsaturated else -1,
-            len(self.state_fields) - 1 if self.report_dissipation else -1,
+            1 + self.unsaturated if self.report_dissipation else -1,
         )
 
     def _bonding_parameters(self) -> tuple[float, ...]:
@@ -156,6 +157,10 @@ class CamClay(MaterialParameters):
             self.compression_index,
             self.swelling_index,
         )
+
+    def tension_limit(self, stress, state):
+        """Largest mean stress (n,) Pa, beyond which rows open: with the strength of loose soil they still touch."""
+        return np.full(len(stress), -self.minimum_preconsolidation)
 
     def elastic_moduli(self, stress, state):
         """Constant moduli, two (n,) arrays in Pa."""

@@ -7,14 +7,14 @@ one kind of test only: without `match` it is plane strain in two dimensions and 
 """
 
 import math
-from typing import Literal, Self
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from periporo.core.numerics.jit import kernel
 from periporo.core.numerics.tensors import dimension_of
-from periporo.core.points.material import StateField
+from periporo.core.points.material import OPENED, StateField
 from periporo.materials.base import MaterialParameters, units
 from periporo.materials.friction import FrictionAngles, angles_of_cone, shown
 
@@ -49,6 +49,8 @@ class DruckerPrager(MaterialParameters):
     )
     report_dissipation: bool = Field(False, description="keep the plastic work of the last step in the state")
 
+    exchanges_stress: ClassVar[bool] = True  # stress is all that it remembers
+
     @model_validator(mode="after")
     def _possible_strength(self):
         if self.cohesion == 0 and self.friction_angle == 0:
@@ -74,8 +76,8 @@ class DruckerPrager(MaterialParameters):
 
     @property
     def state_fields(self) -> tuple[StateField, ...]:
-        """`dissipation` if it is reported."""
-        return (DISSIPATION,) if self.report_dissipation else ()
+        """`dissipation` if it is reported, and `opened`."""
+        return (*((DISSIPATION,) if self.report_dissipation else ()), OPENED)
 
     def cone(self, dimension: int) -> tuple[float, float, float]:
         """eta, xi c in Pa and eta_bar of the yield function and the flow potential in a space of `dimension`."""
@@ -117,7 +119,7 @@ class DruckerPrager(MaterialParameters):
         }
 
     def initial_state(self, stress, ids, volume):
-        """No memory: (n, 0), or (n, 1) zeros of dissipation."""
+        """Closed, and nothing dissipated: zeros."""
         return np.zeros((len(stress), len(self.state_fields)))
 
     def compute_stress(self, stress, strain_increment, state, dt):
@@ -130,6 +132,10 @@ class DruckerPrager(MaterialParameters):
             self.bulk_modulus, self.shear_modulus, eta, strength, dilation, limit, edge, stress,
             strain_increment, state, self.report_dissipation,
         )  # fmt: skip
+
+    def tension_limit(self, stress, state):
+        """Largest mean stress (n,) Pa of the rows, beyond which they open."""
+        return np.full(len(stress), self.largest_mean_stress(dimension_of(stress)))
 
     def elastic_moduli(self, stress, state):
         """Constant moduli, two (n,) arrays in Pa."""

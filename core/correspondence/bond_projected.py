@@ -61,6 +61,7 @@ class BondProjected:
     """The scheme's two halves of a step: strain from velocity, force from stress."""
 
     name = "bond_projected"
+    viscosity = 0.0
     rows = PairRows()
 
     def __init__(self, horizon: float, influence_name: str, dilatation: str = "bond", balance: bool = False):
@@ -110,6 +111,12 @@ class BondProjected:
             bonds.average(p, halo.boundary_rows)
             averages = [b.average for b in bonds.blocks]
         halo.update(p, "share", "shape_inverse", "gradient", *averages)
+
+    def regularise(self, particles, bonds, halo) -> None:
+        """What the scheme does to stress once the laws have answered: nothing."""
+
+    def rearrange(self, particles, motions) -> None:
+        """Move points between steps: nothing."""
 
     def internal_force(self, particles, bonds, halo, force: np.ndarray) -> None:
         """Fill `force` (total, d) N with the internal force; rows of ghosts are incomplete."""

@@ -9,7 +9,6 @@ from periporo.core.numerics.algebra import LANES
 from periporo.core.numerics.jit import inlined, kernel
 from periporo.core.numerics.vectors import WIDTH
 
-LOOSEST = 1.25  # volume, over the initial one, of the loosest packing: what is beyond are gaps between grains
 DEGENERATE, REGULAR = 0.01, 0.05  # of the width of a neighbourhood, squared, over the horizon squared
 
 
@@ -93,9 +92,7 @@ def _close_points(owned, dt, horizon, volume, count, sums, dilation, share, shap
     """Share, integrity, inverse shape tensor, velocity gradient and volume ratio of the owned points.
 
     A share counts the volume that its point has at the end of this step. Were it the volume of the step before, a
-    part of the force would lag behind the motion and feed vibrations, in proportion to dt and stress. Soil that opens
-    in a flow and closes again keeps the strain of every opening, so its volume grows without bound (by half in a
-    collapse); the skeleton that bears stress does not, and ends at the loosest packing. The weights
+    part of the force would lag behind the motion and feed vibrations, in proportion to dt and stress. The weights
     w V inside the sums only divide, and keep the initial volumes. Returns how many points are degenerate.
     """
     degenerate = 0
@@ -115,7 +112,7 @@ def _close_points(owned, dt, horizon, volume, count, sums, dilation, share, shap
             for c in range(d * d):
                 gradient[i, c] = g[c]
             jacobian[i] = 1.0 / la.determinant_minus(la.scaled(g, dt))
-            share[i, 2] = integrity * min(dilation[i] * jacobian[i], LOOSEST)
+            share[i, 2] = integrity * dilation[i] * jacobian[i]
             share[i, 0] = share[i, 2] * volume[i] / sums[i, 0]
         else:
             degenerate += 1

@@ -30,7 +30,7 @@ positive semi-definite, momenta are conserved to rounding.
 import numpy as np
 
 from periporo.core.bonds.rows import PointRows
-from periporo.core.correspondence import point_tilts, sharpening
+from periporo.core.correspondence import point_tilts, regularity, sharpening
 from periporo.core.correspondence.bond_projected import CLOSEST
 from periporo.core.correspondence.flux import add_flux_force
 from periporo.core.correspondence.standard import Standard
@@ -48,14 +48,20 @@ class LinkedPointRows(PointRows):
 
     linked = True
 
-    def __init__(self, sharpened: bool, balanced: bool):
-        self.sharpened, self.balanced = sharpened, balanced
+    def __init__(self, sharpened: bool, balanced: bool, regular: bool):
+        self.sharpened, self.balanced, self.regular = sharpened, balanced, regular
 
     def fields(self, dimension: int, components: int) -> tuple[Field, ...]:
         """What links need to know of both ends, and the gradients that rows see."""
         ends = Field("link", 4, "Pa, 1, 1, m^3", migrates=False)  # E, r, V beta J/W, V beta
+        flow = (
+            Field("activity", None, "1", sent=False),  # running mean of 1 - r
+            Field("viscous_stress", None, "Pa", migrates=False, sent=False),  # of the flow, on top of the laws'
+            Field("uneven_rate", None, "1/s", migrates=False, sent=False),  # tr L less its mean over the neighbours
+            *(regularity.fields(dimension, components) if self.regular else ()),
+        )
         sharp = sharpening.fields(dimension) if self.sharpened else ()
-        return (ends, *sharp, *(point_tilts.fields(dimension) if self.balanced else ()))
+        return (ends, *flow, *sharp, *(point_tilts.fields(dimension) if self.balanced else ()))
 
 
 class PointState(Standard):
@@ -63,11 +69,15 @@ class PointState(Standard):
 
     name = "point_state"
 
-    def __init__(self, horizon: float, influence_name: str, *, sharpened: float = 0.0, balance: bool = False):
+    def __init__(
+        self, horizon: float, influence_name: str, *, sharpened: float = 0.0, balance: bool = False,
+        regular: bool = False,
+    ):  # fmt: skip
         """`horizon` m; `influence_name` one of `influence.NAMES`.
 
         `sharpened` is the spacing, m, of the grid on which laws see sharpened gradients, or 0: they see L. With
-        `balance` gradients are tilted; points have the field `tilt` then.
+        `balance` gradients are tilted; points have the field `tilt` then. `regular` keeps points regular and their
+        stress smooth in a flow.
         """
         super().__init__(horizon, influence_name)
         self.closest = CLOSEST * horizon
@@ -76,7 +86,10 @@ class PointState(Standard):
         if self.sharpened:
             self._factors = {d: sharpening.factor(d, self.horizon / sharpened, influence_name) for d in (2, 3)}
         self.balanced = balance
-        self.rows = LinkedPointRows(self.sharpened, self.balanced)
+        self.regular = regular
+        self.viscosity = regularity.VISCOSITY if regular else 0.0
+        self.rows = LinkedPointRows(self.sharpened, self.balanced, regular)
+        self._ends_are_known = False
 
     def deform(self, particles, bonds, halo, dt: float, material_dt: float) -> None:
         """Strain increment of every active row over the step that ends at the present positions.
@@ -84,7 +97,8 @@ class PointState(Standard):
         Stress and tensor-valued state are turned to the end of the step; points that become regular get their
         state, for which a material sees a step of `material_dt` s.
         """
-        self._dt = dt
+        self._dt, self._is_quasi_static = dt, not np.isfinite(material_dt)
+        self._ends_are_known = False
         super().deform(particles, bonds, halo, dt, material_dt)
         self._before = [(None if b.keeps_all else b.stress.copy(), *b.elastic_moduli()) for b in bonds.blocks]
 
@@ -105,7 +119,13 @@ class PointState(Standard):
         `deform`.
         """
         p, pairs, links = particles, bonds.pairs, bonds.links
-        self._describe_ends(p, bonds, halo)
+        if not self._ends_are_known:
+            self._describe_ends(p, bonds)
+            p.viscous_stress[:] = 0.0
+        if self.sharpened:
+            self._spread(p, bonds)
+        sent = ["spread" if self.sharpened else "gradient"]
+        halo.update(p, *([] if self._ends_are_known else ["link"]), *sent)
         pull = np.empty(len(pairs.first))
         spread = p.spread if self.sharpened else np.empty((0, p.dimension**2))
         p.flux[:] = 0.0
@@ -118,28 +138,51 @@ class PointState(Standard):
             if self.balanced:
                 point_tilts.tilt_flux(block, p, factor)
             _close_flux(
-                block.first, block.active, block.total_stress, p.volume, p.share, factor, p.shape_inverse, p.flux, p.dim
-            )
+                block.first, block.active, block.total_stress, p.viscous_stress, p.volume, p.share, factor,
+                p.activity, p.shape_inverse, p.flux, p.dim,
+            )  # fmt: skip
         halo.update(p, "flux", *(("tilt_force",) if self.balanced else ()))
         force[:] = 0.0
         add_flux_force(p, pairs, force, pull)
         if self.balanced:
             point_tilts.add_force(p, pairs, force)
 
-    def _describe_ends(self, p, bonds, halo):
-        """Tell all points what their links need: E, r and volumes, and the stress that neighbours see of them."""
+    def regularise(self, particles, bonds, halo) -> None:
+        """Keep stress smooth where a law took a part of it away, and say where points move before the next step."""
+        flowing = [block for block in bonds.blocks if block.opening is not None and not block.keeps_all]
+        if not self.regular or self._dt == 0.0 or not flowing:
+            return
+        p = particles
+        self._describe_ends(p, bonds)
+        for block in flowing:
+            regularity.describe(block, p, self._dt, viscous=not self._is_quasi_static)
+        halo.update(p, "link", "flow", "flow_stress")
+        regularity.exchange(p, bonds.pairs, flowing, self._dt)
+        self._ends_are_known = True
+
+    def rearrange(self, particles, motions) -> None:
+        """Move points that a flow brought too close together; what `motions` prescribe stays."""
+        if self.regular:
+            regularity.rearrange(particles, motions)
+
+    def _describe_ends(self, p, bonds):
+        """Find what links need of their ends: E, r and volumes."""
         for block, (turned, bulk, shear) in zip(bonds.blocks, self._before, strict=True):
             _find_ends(block.first, block.active, bulk, shear, p.volume, p.share, p.link)
             if turned is not None:
                 _find_response(
                     block.first, block.active, bulk, shear, turned, block.strain_increment, block.stress, p.link, p.dim
                 )
-            if self.sharpened:
-                sharpening.spread_stress(
-                    block.first, block.active, block.total_stress, p.volume, p.share, self._factors[p.dimension],
-                    p.sharp, p.spread, p.dim,
-                )
-        halo.update(p, "link", "spread" if self.sharpened else "gradient")
+            if block.opening is not None:
+                _let_go(block.first, block.active, block.state[:, block.opening.column], p.link)
+
+    def _spread(self, p, bonds):
+        """Find the stress that neighbours see of each point."""
+        for block in bonds.blocks:
+            sharpening.spread_stress(
+                block.first, block.active, block.total_stress, p.viscous_stress, p.volume, p.share,
+                self._factors[p.dimension], p.activity, p.sharp, p.spread, p.dim,
+            )  # fmt: skip
 
 
 @inlined
@@ -200,6 +243,14 @@ def _find_response(point, active, bulk, shear, turned, strain, stress, link, dim
 
 
 @kernel
+def _let_go(point, active, opened, link):
+    """Links of opened points keep nothing."""
+    for r in range(point.shape[0]):
+        if active[r] and opened[r] > 0.0:
+            link[point[r], 1] = 0.0
+
+
+@kernel
 def _strain_links(
     first, second, weight, position, velocity, gradient, link, spread, closest, dt, active, stress, pull, flux, dim
 ):
@@ -238,14 +289,17 @@ def _strain_links(
 
 
 @kernel
-def _close_flux(point, active, stress, volume, share, g, shape_inverse, flux, dim):
+def _close_flux(point, active, stress, viscous, volume, share, g, activity, shape_inverse, flux, dim):
     """B_i of the points with a row here."""
+    d = len(dim)
     for r in range(point.shape[0]):
         if active[r]:
             i = point[r]
-            own = (1.0 + g) * share[i, 2] * volume[i]
+            own = share[i, 2] * volume[i]
             sigma = la.full(la.symmetric_at(stress, r, 0, dim))
             for c in range(len(sigma)):
-                flux[i, c] += own * sigma[c]
+                flux[i, c] += (1.0 + g * (1.0 - activity[i])) * own * sigma[c]
+            for a in range(d):
+                flux[i, (d + 1) * a] += own * viscous[i]
             z = la.scaled(la.matrix_at(flux, i, 0, dim), 1.0 / volume[i])
             la.store(flux, i, 0, la.times_shape(z, la.shape_at(shape_inverse, i, 0, dim)))

@@ -49,12 +49,12 @@ def factor(dimension: int, m: float, influence_name: str) -> float:
 
 
 def sharpen(particles, pairs, g: float) -> None:
-    """Find M of the owned points from L of these and of the ghosts."""
+    """Find M of the owned points from L of these and of the ghosts; in flowing soil g fades with the activity."""
     p, row = particles, _ROW[particles.dimension]
     _weigh(p.volume, p.share, p.gradient, p.weighed, p.dim)
     p.sharp[:] = 0.0
     _sum_neighbours(pairs.first, pairs.second, pairs.weight, p.weighed, p.sharp, row)
-    _combine(p.owned, g, p.gradient, p.sharp, p.dim)
+    _combine(p.owned, g, p.activity, p.gradient, p.sharp, p.uneven_rate, p.dim)
 
 
 @kernel
@@ -79,23 +79,32 @@ def _sum_neighbours(first, second, weight, weighed, sharp, row):
 
 
 @kernel
-def _combine(owned, g, gradient, sharp, dim):
-    """M of the owned points from the sums; it is L where all neighbours are degenerate."""
-    n = len(dim) * len(dim)
+def _combine(owned, g, activity, gradient, sharp, uneven_rate, dim):
+    """M of the owned points from the sums, and tr L less its mean; M is L where all neighbours are degenerate."""
+    d = len(dim)
+    n = d * d
     for i in range(owned):
         total = sharp[i, n]
+        own = g * (1.0 - activity[i])
+        uneven_rate[i] = 0.0
+        if total != 0.0:
+            for a in range(d):
+                uneven_rate[i] += gradient[i, (d + 1) * a] - sharp[i, (d + 1) * a] / total
         for c in range(n):
-            sharp[i, c] = gradient[i, c] if total == 0.0 else (1.0 + g) * gradient[i, c] - g / total * sharp[i, c]
+            sharp[i, c] = gradient[i, c] if total == 0.0 else (1.0 + own) * gradient[i, c] - own / total * sharp[i, c]
 
 
 @kernel
-def spread_stress(point, active, stress, volume, share, g, sharp, spread, dim):
-    """g S / N of the points with a row here, S = J V beta sigma; zero of inactive ones."""
-    n = len(dim) * len(dim)
+def spread_stress(point, active, stress, viscous, volume, share, g, activity, sharp, spread, dim):
+    """(g S + Q) / N of the points with a row here, S = J V beta sigma and Q = J V beta q I; zero of inactive ones."""
+    d = len(dim)
     for r in range(point.shape[0]):
         i = point[r]
-        if active[r] and sharp[i, n] != 0.0:
-            factor = g * volume[i] * share[i, 2] / sharp[i, n]
-            la.store(spread, i, 0, la.scaled(la.full(la.symmetric_at(stress, r, 0, dim)), factor))
+        if active[r] and sharp[i, d * d] != 0.0:
+            factor = volume[i] * share[i, 2] / sharp[i, d * d]
+            sigma = la.full(la.symmetric_at(stress, r, 0, dim))
+            la.store(spread, i, 0, la.scaled(sigma, g * (1.0 - activity[i]) * factor))
+            for a in range(d):
+                spread[i, (d + 1) * a] += factor * viscous[i]
         else:
             la.store(spread, i, 0, la.zero_matrix(dim))

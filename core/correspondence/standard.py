@@ -26,6 +26,7 @@ class Standard:
     """The scheme's two halves of a step: strain from velocity, force from stress."""
 
     name = "standard"
+    viscosity = 0.0
     rows = PointRows()
 
     def __init__(self, horizon: float, influence_name: str):
@@ -53,6 +54,12 @@ class Standard:
     def row_gradient(self, p, pairs, halo) -> np.ndarray:
         """The velocity gradients (points, at least d^2) that the rows of owned points see."""
         return p.gradient
+
+    def regularise(self, particles, bonds, halo) -> None:
+        """What the scheme does to stress once the laws have answered: nothing."""
+
+    def rearrange(self, particles, motions) -> None:
+        """Move points between steps: nothing."""
 
     def internal_force(self, particles, bonds, halo, force: np.ndarray) -> None:
         """Fill `force` (total, d) N with the internal force; rows of ghosts are incomplete."""

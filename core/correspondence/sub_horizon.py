@@ -35,6 +35,7 @@ class SubHorizon:
     """The scheme's two halves of a step: strain from velocity, force from stress."""
 
     name = "sub_horizon"
+    viscosity = 0.0
     rows = DirectedRows()
 
     def __init__(self, horizon: float, influence_name: str):
@@ -82,6 +83,12 @@ class SubHorizon:
 
     def _combine_ends(self, p, bonds, halo):
         """What the rows of both ends of a pair make of their gradients: nothing here."""
+
+    def regularise(self, particles, bonds, halo) -> None:
+        """What the scheme does to stress once the laws have answered: nothing."""
+
+    def rearrange(self, particles, motions) -> None:
+        """Move points between steps: nothing."""
 
     def internal_force(self, particles, bonds, halo, force: np.ndarray) -> None:
         """Fill `force` (total, d) N with the internal force; rows of ghosts are incomplete."""

@@ -5,7 +5,7 @@ A law reports it by a state column named `dissipation`: the plastic work of the 
 
 import numpy as np
 
-from periporo.core.points.material import Material
+from periporo.core.points.material import Material, state_column
 from periporo.core.points.particles import Field
 
 NAME = "dissipation"
@@ -23,7 +23,7 @@ class PlasticDissipation:
     def update(self, p, bonds, dt: float) -> None:
         """Add this step's work: a row's half to either of the points that hold it."""
         for block in bonds.blocks:
-            column = _column(block.material, p.components)
+            column = state_column(block.material, NAME, p.components)
             if column is None:
                 continue
             rows = np.flatnonzero(block.active & (block.state[:, column] != 0.0))
@@ -37,12 +37,3 @@ class PlasticDissipation:
 def reports(material: Material) -> bool:
     """Whether the law has the state column `dissipation`."""
     return any(field.name == NAME for field in material.state_fields)
-
-
-def _column(material, components):
-    start = 0
-    for field in material.state_fields:
-        if field.name == NAME:
-            return start
-        start += field.columns(components)
-    return None

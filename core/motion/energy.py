@@ -11,7 +11,7 @@ from mpi4py import MPI
 from periporo.core.numerics.jit import kernel
 from periporo.core.numerics.tensors import square_lengths
 from periporo.core.points.departures import Departures
-from periporo.core.points.forces import WORK
+from periporo.core.points.forces import FLOW_WORK, WORK
 from periporo.core.points.particles import Particles
 from periporo.core.ranks.reductions import exact_sum
 
@@ -46,6 +46,8 @@ class Ledger:
         entries = self._named(exact_sum(self._comm, np.concatenate([kinetic[:, None], p.work], axis=1)))
         if "plastic_dissipation" in p.fields:  # a part of the internal energy that its laws report
             entries["plastic_dissipation"] = float(exact_sum(self._comm, p.plastic_dissipation)[0])
+        if "flow_work" in p.fields:  # parts of the internal energy, and what the ledger's forces did not see
+            entries |= zip(FLOW_WORK, exact_sum(self._comm, p.flow_work).tolist(), strict=True)
         return entries
 
     def rough_entries(self) -> dict[str, float]:

@@ -20,10 +20,11 @@ from periporo.errors import InputError, Problem
 
 _MOST_ITERATIONS = 12  # of Lanczos
 _CONVERGED = 2e-3  # relative change of the frequency in one of them
+_DAMPED = 0.97  # of the limit of damped steps
 _DRIFT = 0.1  # relative change of the local estimate after which the ratio is measured again
 _OFTEN, _SELDOM = 200, 800  # steps after which it is measured again in any case
 _STEADY = 0.02  # relative change of the ratio up to which it is measured less often
-_SCRATCHED = ("velocity", "jacobian", "tilt")  # fields of points that keep their values from step to step
+_SCRATCHED = ("velocity", "jacobian", "tilt", "viscous_stress")  # fields of points that keep their values
 _REMEMBERED = ("ratio", "reduction", "_calibrated_at", "_calibrated_in", "_pause")
 
 
@@ -61,7 +62,8 @@ class StableTimeStep:
         if local == 0.0:
             message = "no point has a bond or a contact, so nothing limits the step; give a fixed one"
             raise InputError("scene", [Problem(("time_step", "fixed"), message)])
-        return self.reduction * self.safety * 2.0 / (self.ratio * local)
+        frequency = self.ratio * local
+        return self.reduction * min(self.safety, damped_limit(sim, frequency)) * 2.0 / frequency
 
     def memory(self) -> dict:
         """What a checkpoint keeps."""
@@ -71,6 +73,24 @@ class StableTimeStep:
         """Set it back."""
         for name in _REMEMBERED:
             setattr(self, name, memory[name])
+
+
+def damped_limit(sim, frequency: float) -> float:
+    """Longest step over 2/`frequency` (rad/s) with the scheme's bulk viscosity, a bit below sqrt(1 + zeta^2) - zeta.
+
+    zeta = a omega l / c is at least the part of critical damping of a wave of that frequency, for viscosity a rho c l
+    against the uneven part of the rate, which is up to twice the rate. The damping force is that of the velocity half a
+    step earlier, so it shortens the step. Infinite without viscosity.
+    """
+    if sim.scheme.viscosity == 0.0 or all(block.keeps_all for block in sim.bonds.blocks):
+        return math.inf
+    slowness = 0.0
+    for block in sim.bonds.blocks:
+        if block.active.any():
+            bulk, shear = (m[block.active].max() for m in block.elastic_moduli())
+            slowness = max(slowness, math.sqrt(block.material.density / (bulk + 4.0 / 3.0 * shear)))
+    zeta = sim.scheme.viscosity * frequency * sim.spacing * maximum(sim.comm, slowness)
+    return _DAMPED * (math.sqrt(1.0 + zeta * zeta) - zeta)
 
 
 def local_frequency(sim, contacts) -> float:

@@ -6,6 +6,8 @@ from periporo.core.points.particles import Field, Particles
 
 WORK = ("internal", "external", "contact", "friction", "damping", "prescribed", "integration")
 """Columns of the point field `work` (J): force channels, constraints, and the time integrator's own term."""
+FLOW_WORK = ("viscous_dissipation", "exchange_dissipation", "rearrangement_work")
+"""Columns of the point field `flow_work` (J) of schemes that keep flowing points regular."""
 PRESCRIBED, INTEGRATION = WORK.index("prescribed"), WORK.index("integration")
 
 

@@ -34,6 +34,10 @@ class StateField:
 BONDING = StateField("bonding", "1")
 """State column of a law whose grains water bonds: the bonding variable xi, which the pore water writes."""
 
+OPENED = StateField("opened", "1")
+"""State column of a law with `tension_limit`: the volumetric strain by which a row has come apart, written by the
+program (`periporo.core.bonds.opening`). The law leaves it alone; it starts at 0."""
+
 
 class StepRefused(Exception):
     """Raised by `compute_stress`: the law cannot follow this step in the `rows` (indices into the call's rows).
@@ -103,6 +107,16 @@ class Material(Protocol):
         They set the time step, the stiffness of contacts and of the links of `point_state`, and the speed of waves
         that the watchdog knows. A law that answers stiffer makes steps unstable.
         """
+
+
+def state_column(material: Material, name: str, components: int) -> int | None:
+    """First column of the state field `name` of `material`, None if it has no such field."""
+    start = 0
+    for field in material.state_fields:
+        if field.name == name:
+            return start
+        start += field.columns(components)
+    return None
 
 
 def state_columns(material: Material, components: int) -> int:

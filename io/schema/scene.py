@@ -106,7 +106,8 @@ SchemeName = Literal["bond_projected", "point_state", "standard", "sub_horizon",
 
 _SCHEMES_WITH = {  # option -> schemes that have it
     "self_point": ("sub_horizon_published",), "average_ends": ("sub_horizon_published",),
-    "dilatation": ("bond_projected",), "sharpened": ("point_state",), "balance": ("point_state", "bond_projected"),
+    "dilatation": ("bond_projected",), "sharpened": ("point_state",),
+    "regular": ("point_state",), "balance": ("point_state", "bond_projected"),
 }  # fmt: skip
 
 
@@ -129,6 +130,10 @@ class CorrespondenceInput(SceneModel):
     sharpened: Flag | None = key(
         "laws see a gradient that is of fourth order in waves; steps are shorter (point_state, default false)",
         default=None,
+    )
+
+    regular: Flag | None = key(
+        "keep points regular and stress smooth where soil flows (point_state, default false)", default=None
     )
 
     balance: Flag | None = key(
@@ -232,7 +237,7 @@ class SceneInput(SceneModel):
     influence: Literal["cubic", "conical", "gaussian", "constant"] = key("weight of a bond", default="cubic")
     correspondence: Correspondence = key(
         "scheme that turns bonds into deformation and stress into force: its name, or {scheme, options}",
-        default=CorrespondenceInput(scheme="point_state", sharpened=True),
+        default=CorrespondenceInput(scheme="point_state", sharpened=True, regular=True),
     )
     materials: dict[Name, MaterialInput] = key("materials by name", min_length=1, max_length=1000)
     bodies: tuple[Body, ...] = key("what the scene consists of", min_length=1, max_length=1000)

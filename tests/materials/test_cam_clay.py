@@ -282,7 +282,7 @@ def test_nan_stays_visible():
 def test_reported_dissipation_is_the_work_of_the_plastic_strain(viscosity):
     """sigma : (de - C^-1 dsigma), whatever the step; zero in elastic rows."""
     material = soil(report_dissipation=True, viscosity=viscosity)
-    assert [f.name for f in material.state_fields] == ["preconsolidation", "dissipation"]
+    assert [f.name for f in material.state_fields] == ["preconsolidation", "dissipation", "opened"]
     stress, increment, size = random_rows(2000)
     state = np.hstack([size, np.full_like(size, 123.0)])
     new, new_state = advanced(material, stress, state, increment, 1e-5)
@@ -316,11 +316,11 @@ def test_bonding_enlarges_the_yield_surface():
     """Isotropic compaction of bonded soil ends at p = -exp(b1) |p_c|^b2 with p_c hardened by eq. 46."""
     bonding = 0.05
     material = soil().for_unsaturated()
-    assert [f.name for f in material.state_fields] == ["preconsolidation", "bonding"]
+    assert [f.name for f in material.state_fields] == ["preconsolidation", "bonding", "opened"]
     assert material.density == soil().density
     stress = isotropic(-1e3)
     state = material.initial_state(stress, IDS, VOLUME)
-    assert state.tolist() == [[-1e3, 0.0]]
+    assert state.tolist() == [[-1e3, 0.0, 0.0]]
     state[0, 1] = bonding
     follow(material, stress, state, triaxial_increment(-0.002, 0.0), 20)
     p = -mean(stress)[0]

@@ -220,7 +220,7 @@ def test_reported_dissipation_is_the_work_of_the_plastic_strain():
     work = np.sum(new[:, :3] * plastic[:, :3], axis=1) + 2 * np.sum(new[:, 3:] * plastic[:, 3:], axis=1)
     np.testing.assert_allclose(state[:, 0], work, rtol=1e-8, atol=1e-9)
     assert (state[:, 0] > 1.0).any() and (state[:, 0] >= 0).all()
-    assert [f.name for f in material.state_fields] == ["dissipation"]
+    assert [f.name for f in material.state_fields] == ["dissipation", "opened"]
 
 
 def test_drawn_yield_surface_and_moduli():

@@ -105,7 +105,7 @@ def test_results_have_the_same_bits_on_one_to_four_ranks(mpirun, tmp_path, scene
 
 
 OTHERS = [name for name in SCHEMES if name != "bond_projected"]
-OTHERS += [{"scheme": "point_state", "sharpened": True}, {"scheme": "bond_projected", "balance": True},
+OTHERS += [{"scheme": "point_state", "sharpened": True, "regular": True}, {"scheme": "bond_projected", "balance": True},
             {"scheme": "point_state", "sharpened": True, "balance": True}]  # fmt: skip
 
 

@@ -48,7 +48,7 @@ def order(errors, factor=2.0) -> float:
     return float(np.log(errors[-2] / errors[-1]) / np.log(factor))
 
 
-DEFAULT = {"scheme": "point_state", "sharpened": True}  # that of a scene that names none
+DEFAULT = {"scheme": "point_state", "sharpened": True, "regular": True}  # that of a scene that names none
 
 
 def simulation(spacing, shapes, *, dimension=2, scheme=DEFAULT, material=ELASTIC, jitter=0.0, **scene):

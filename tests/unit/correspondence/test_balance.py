@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from periporo import Simulation
 from periporo.core.correspondence import balance
 from periporo.core.motion.timestep import apply_stiffness, highest_frequency
-from periporo.core.simulation import Simulation
 from periporo.errors import InputError
 from periporo.io.input.load import parse_scene
 

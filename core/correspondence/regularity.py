@@ -1,0 +1,226 @@
+"""What keeps points regular and their stress smooth where soil flows; nothing of it acts where soil is elastic.
+
+A flow shears a lattice into rows that stand close within and far from each other. Gradients over a horizon do not see
+how such points are filled up with others, so that the cloud becomes denser than the integral of tr L says, and the
+mean stress, bulk modulus times small differences of strain, becomes noise. Three things are done, all in proportion
+to the *activity* a of the points, a running mean of the part of the trial stress that their law took away:
+
+- **Rearrangement.** Two points closer than their size, (V J)^(1/d), move apart along their line while they shear,
+  without velocity, strain or stress, by equal and opposite ways (the shifting of Xu,
+  Stansby & Laurence 2009 and Lind et al. 2012 for SPH, here in proportion to the shear strain, so that soil at rest
+  stays). The work of gravity and contact on these ways is booked.
+- **Exchange** of stress and of opened volume between neighbours of one material, which takes their differences away
+  (diffusion of pressure, Molteni & Colagrossi 2009; of stress, Feng et al. 2021). Sums over the points are kept, an
+  average of admissible stresses is admissible, and elastic energy only falls. Only laws that say `exchanges_stress`
+  take part: stress is all that they remember. A law that hardens would be strained by what it is given.
+- **Bulk viscosity**, q = VISCOSITY rho c l (tr L less its mean over the neighbours) with the size l (von Neumann &
+  Richtmyer 1950; Monaghan 1992), which takes sound from the grid's scale and does not feel an even change of volume.
+
+How much of each belongs to a step follows from the Courant number dt c / l, so that it does not depend on the step.
+"""
+
+import numpy as np
+
+from periporo.core.numerics import algebra as la
+from periporo.core.numerics import vectors
+from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.points.forces import FLOW_WORK
+from periporo.core.points.particles import Field
+
+EXCHANGE = 1.35  # part of a difference that the exchange takes away, per Courant number
+MOST_EXCHANGED = 0.9  # of a difference, in one step
+SHEAR_SHARE = 0.3  # of the exchange for the deviator
+VISCOSITY = 0.2  # of rho c l
+MEMORY = 0.075  # of the activity, per Courant number
+SENSITIVITY = 0.1  # part of the trial stress that a law takes away in a step, over what it keeps, for a half
+NEAREST = 0.96  # size of points, over the side of a cube of their volume, below which they move apart
+REARRANGED = 6.0  # part of the overlap that a shear strain of 1 takes away
+MOST_REARRANGED = 0.01  # of an overlap, in one step
+
+SIGNED, ACTIVITY, SIZE, RATE, PART = range(5)  # columns of the field `flow`
+_VISCOUS, _EXCHANGED, _REARRANGED = range(3)  # columns of the field `flow_work`
+
+
+def fields(dimension: int, components: int) -> tuple[Field, ...]:
+    """What points need for it."""
+    return (
+        Field("flow", 5, "Pa, 1, m, 1/s, 1", migrates=False),
+        Field("flow_stress", components, "Pa", migrates=False),
+        Field("rearrangement", dimension, "m"),
+        Field("flow_work", len(FLOW_WORK), "J", sent=False),
+    )
+
+
+def describe(block, p, dt: float, viscous: bool) -> None:
+    """Tell `flow` and `flow_stress` of the points with a row in `block` from the step that their law has answered.
+
+    `viscous` is whether there is bulk viscosity: not in a quasi-static relaxation.
+    """
+    bulk, _ = block.elastic_moduli()
+    part = EXCHANGE if getattr(block.material, "exchanges_stress", False) else 0.0
+    _describe(
+        block.first, block.active, dt, part, VISCOSITY if viscous else 0.0, block.opening.column, block.stress,
+        block.state, bulk, p.uneven_rate, p.link, p.mass, p.volume, p.share, p.gradient, p.activity, p.viscous_stress,
+        p.flow, p.flow_stress, p.flow_work, p.dim,
+    )  # fmt: skip
+
+
+def exchange(p, pairs, blocks, dt: float) -> None:
+    """Exchange stress between neighbours, and find the ways by which points move apart before the next step.
+
+    `blocks` are those of laws that tell their limit of tension: their stress is all that they remember of it.
+    """
+    stress, mean = np.zeros_like(p.flow_stress), np.zeros(p.total)
+    p.rearrangement[:] = 0.0
+    _exchange(
+        pairs.first, pairs.second, pairs.weight, dt, p.position, p.material, p.link, p.flow, p.flow_stress, stress,
+        mean, p.rearrangement, p.dim,
+    )  # fmt: skip
+    for block in blocks:
+        bulk, shear = block.elastic_moduli()
+        limit = block.material.tension_limit(block.stress, block.state)
+        _apply(
+            block.first, block.active, bulk, shear, limit, block.opening.column, p.volume, p.share, p.jacobian, p.flow,
+            stress, mean, block.stress, block.state, p.flow_work,
+        )  # fmt: skip
+
+
+def rearrange(p, motions) -> None:
+    """Move points by their rearrangement; components that `motions` prescribe stay."""
+    for motion in motions:
+        motion.hold_zero(p, p.rearrangement)
+    if "contact_force" in p.fields:
+        _stay_out(p.owned, p.contact_force, p.rearrangement, p.dim)
+    forces = tuple(getattr(p, f"{name}_force") for name in ("external", "contact") if f"{name}_force" in p.fields)
+    _rearrange(p.owned, p.rearrangement, p.position, forces, p.flow_work, p.dim)
+
+
+@kernel
+def _describe(
+    point, active, dt, exchanged, viscosity, column, stress, state, bulk, uneven_rate, link, mass, volume, share,
+    gradient, activity, viscous, flow, flow_stress, work, dim,
+):  # fmt: skip
+    d = len(dim)
+    for r in range(point.shape[0]):
+        i = point[r]
+        if not active[r]:
+            for c in range(flow.shape[1]):
+                flow[i, c] = 0.0
+            activity[i] = viscous[i] = 0.0
+            continue
+        size = (volume[i] * share[i, 2] / share[i, 1]) ** (1.0 / d)
+        speed = np.sqrt(link[i, 0] * volume[i] / mass[i])
+        courant = dt * speed / size
+        lost = 1.0 - link[i, 1]
+        activity[i] += min(MEMORY * courant, 1.0) * (lost / (lost + SENSITIVITY * link[i, 1]) - activity[i])
+        for c in range(stress.shape[1]):
+            flow_stress[i, c] = stress[r, c]
+        flow[i, SIGNED] = (stress[r, 0] + stress[r, 1] + stress[r, 2]) / 3.0 + bulk[r] * state[r, column]
+        flow[i, ACTIVITY] = activity[i]
+        flow[i, SIZE] = size
+        flow[i, RATE] = _shear_rate(la.matrix_at(gradient, i, 0, dim))
+        flow[i, PART] = min(exchanged * courant, MOST_EXCHANGED)
+        density = mass[i] * share[i, 1] / (volume[i] * share[i, 2])
+        q = viscosity * activity[i] * density * speed * size * uneven_rate[i]
+        viscous[i] = q
+        work[i, _VISCOUS] += q * uneven_rate[i] * dt * volume[i] * share[i, 2]
+
+
+@inlined
+def _shear_rate(g):
+    """Difference of the principal rates of a gradient in the plane; in space sqrt(3) times the equivalent rate."""
+    if len(g) == 4:
+        return np.sqrt((g[0] - g[3]) ** 2 + (g[1] + g[2]) ** 2)
+    mean = (g[0] + g[4] + g[8]) / 3.0
+    normal = (g[0] - mean) ** 2 + (g[4] - mean) ** 2 + (g[8] - mean) ** 2
+    return np.sqrt(2.0 * normal + (g[1] + g[3]) ** 2 + (g[5] + g[7]) ** 2 + (g[2] + g[6]) ** 2)
+
+
+@kernel
+def _exchange(
+    first, second, weight, dt, position, material, link, flow, flow_stress, stress, mean, rearrangement, dim
+):
+    for b in range(first.shape[0]):
+        i, j = first[b], second[b]
+        w = weight[b]
+        a = max(flow[i, ACTIVITY], flow[j, ACTIVITY])
+        if w == 0.0 or a == 0.0:
+            continue
+        c = w * (link[i, 2] * link[j, 3] + link[j, 2] * link[i, 3])
+        if c == 0.0:
+            continue
+        if material[i] == material[j]:
+            k = 0.5 * a * c * min(flow[i, PART], flow[j, PART])
+            p_i, p_j = flow[i, SIGNED], flow[j, SIGNED]
+            change = k * (min(p_j, max(-p_i, 0.0)) - min(p_i, max(-p_j, 0.0)))
+            mean[i] += change
+            mean[j] -= change
+            for e in range(flow_stress.shape[1]):
+                change = k * (flow_stress[j, e] - flow_stress[i, e])
+                stress[i, e] += change
+                stress[j, e] -= change
+        xi = vectors.difference(position, i, j, dim)
+        square = vectors.dot(xi, xi)
+        size = NEAREST * 0.5 * (flow[i, SIZE] + flow[j, SIZE])
+        if square < size * size and square > 0.0:
+            r = np.sqrt(square)
+            part = min(REARRANGED * 0.5 * dt * a * (flow[i, RATE] + flow[j, RATE]), MOST_REARRANGED)
+            for e in range(len(dim)):
+                way = 0.5 * part * (size - r) / r * (position[j, e] - position[i, e])
+                rearrangement[i, e] -= way
+                rearrangement[j, e] += way
+
+
+@kernel
+def _apply(
+    point, active, bulk, shear, limit, column, volume, share, jacobian, flow, stress_change, mean_change, stress, state,
+    work,
+):  # fmt: skip
+    for r in range(point.shape[0]):
+        i = point[r]
+        if not active[r] or (mean_change[i] == 0.0 and flow[i, ACTIVITY] == 0.0):
+            continue
+        own = volume[i] * share[i, 2]
+        mean = (stress[r, 0] + stress[r, 1] + stress[r, 2]) / 3.0
+        before = mean * mean / (2.0 * bulk[r]) + _shear_energy(stress, r, mean, shear[r])
+        signed = flow[i, SIGNED] + mean_change[i] / own
+        jacobian[i] *= 1.0 + mean_change[i] / (own * bulk[r])
+        new_mean = min(signed, limit[r])
+        state[r, column] = (signed - new_mean) / bulk[r]
+        mean_of_changes = (stress_change[i, 0] + stress_change[i, 1] + stress_change[i, 2]) / 3.0
+        for c in range(stress.shape[1]):
+            change = stress_change[i, c] - (mean_of_changes if c < 3 else 0.0)
+            stress[r, c] += SHEAR_SHARE * change / own + (new_mean - mean if c < 3 else 0.0)
+        after = new_mean * new_mean / (2.0 * bulk[r]) + _shear_energy(stress, r, new_mean, shear[r])
+        work[i, _EXCHANGED] += own * (before - after)
+
+
+@inlined
+def _shear_energy(stress, r, mean, shear):
+    square = 0.0
+    for c in range(stress.shape[1]):
+        square += (stress[r, c] - mean) ** 2 if c < 3 else 2.0 * stress[r, c] ** 2
+    return square / (4.0 * shear) if shear > 0.0 else 0.0
+
+
+@kernel
+def _stay_out(owned, contact, way, dim):
+    """Take from the ways of points what leads against the contact force: into what they touch."""
+    for i in range(owned):
+        square = along = 0.0
+        for a in range(len(dim)):
+            square += contact[i, a] ** 2
+            along += contact[i, a] * way[i, a]
+        if along < 0.0:
+            for a in range(len(dim)):
+                way[i, a] -= along / square * contact[i, a]
+
+
+@kernel
+def _rearrange(owned, way, position, forces, work, dim):
+    for i in range(owned):
+        for a in range(len(dim)):
+            if way[i, a] != 0.0:
+                position[i, a] += way[i, a]
+                for force in forces:
+                    work[i, _REARRANGED] += force[i, a] * way[i, a]
