@@ -21,7 +21,15 @@ if TYPE_CHECKING:
         from_matrix,
         to_matrix,
     )
-    from periporo.core.points.material import BONDING, Material, StateField, StepRefused, UpdatesFailed, state_columns
+    from periporo.core.points.material import (
+        BONDING,
+        OPENED,
+        Material,
+        StateField,
+        StepRefused,
+        UpdatesFailed,
+        state_columns,
+    )
     from periporo.materials.base import MaterialParameters
     from periporo.materials.friction import FrictionAngles
     from periporo.materials.laboratory.drive import DriveStopped, drive
@@ -34,7 +42,7 @@ else:
             "COMPONENTS", "INDEX_PAIRS", "component_count", "dimension_of", "from_matrix", "to_matrix",
         ),
         "periporo.core.points.material": (
-            "BONDING", "Material", "StateField", "StepRefused", "UpdatesFailed", "state_columns",
+            "BONDING", "OPENED", "Material", "StateField", "StepRefused", "UpdatesFailed", "state_columns",
         ),
         "periporo.materials.base": ("MaterialParameters",),
         "periporo.materials.friction": ("FrictionAngles",),
@@ -45,7 +53,7 @@ else:
 
 __all__ = [
     "BONDING", "COMPONENTS", "DriveStopped", "FrictionAngles", "INDEX_PAIRS", "Material", "MaterialParameters",
-    "NonConformance", "StateField", "StepRefused", "UpdatesFailed", "built_in_path", "check_material",
+    "NonConformance", "OPENED", "StateField", "StepRefused", "UpdatesFailed", "built_in_path", "check_material",
     "component_count", "dimension_of", "drive", "from_matrix", "inlined", "kernel", "read_path", "state_columns",
     "to_matrix",
 ]  # fmt: skip
