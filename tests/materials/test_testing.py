@@ -15,8 +15,9 @@ LAWS = sorted(name for name in registry.available() if hasattr(registry.load(nam
 VARIANTS = {
     "dry Arena": Arena(initial_saturation=0.0, T1=0.0, T2=0.0),
     "saturated Arena": Arena(initial_saturation=1.0, p0=1e6),
-    "Arena with all parts": Arena(
-        do_damage=True, do_variability=True, use_disaggregation_algorithm=True, weibull_reference_volume=1e-6
+    "Arena with all parts": Arena(  # damage that begins at a branch of the surface jumps there, in the last digits, too
+        do_damage=True, damage_grows_on="surface", do_variability=True, use_disaggregation_algorithm=True,
+        weibull_reference_volume=1e-6,
     ),
     "unsaturated": CamClay.example().for_unsaturated(),
     "rate-independent": CamClay.example().model_copy(update={"viscosity": 0.0, "report_dissipation": True}),
