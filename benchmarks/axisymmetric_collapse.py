@@ -11,18 +11,16 @@ draws the deposits. Exit status 1 if a run-out is more than 25 % from the measur
 end.
 """
 
-import contextlib
 import sys
 from pathlib import Path
 
 import numpy as np
-import yaml
 
-from periporo.core.cli import main as periporo
 from periporo.io.input.yaml_source import read_yaml
-from periporo.io.output.results import ResultError, open_results
+from periporo.io.output.results import open_results
 
 from . import ROOT, option_parser
+from .library import runs
 from .library.study.cylinders import draw
 from .library.study.laws import lube_axisymmetric_height, lube_axisymmetric_run_out
 
@@ -56,16 +54,8 @@ def scene(aspect: float, points: int, stiffer: float = 1.0, slope: float | None 
 
 def run(text: dict, folder: Path, walltime: float | None = None) -> int:
     """Run a scene in a folder, or the rest of it; the exit status of `periporo`."""
-    wanted = yaml.safe_dump(text, sort_keys=False)
-    file = folder / SCENE
-    same = file.exists() and file.read_text() == wanted
-    if same and is_finished(folder / RESULT):
-        return 0
-    folder.mkdir(parents=True, exist_ok=True)
-    file.write_text(wanted)
-    with contextlib.chdir(folder):
-        limit = [] if walltime is None else ["--walltime", str(walltime)]
-        return periporo(["run", SCENE, "--resume" if same else "--overwrite", "--quiet", "--no-plot", *limit])
+    limit = [] if walltime is None else ["--walltime", str(walltime)]
+    return runs.run(text, folder / SCENE, folder / RESULT, *limit)
 
 
 def measure(path: Path) -> dict[str, float]:
@@ -97,15 +87,6 @@ def line(aspect: float, m: dict[str, float]) -> str:
     return "| " + " | ".join([f"{aspect:g}", f"{m['points']}", *lengths, *end]) + " |"
 
 
-def is_finished(path: Path) -> bool:
-    """Whether a result file is of a run that came to its end."""
-    try:
-        with open_results(path) as results:
-            return "finished" in results.attributes
-    except ResultError:
-        return False
-
-
 def main(words=None):
     """Run both cylinders and compare."""
     parser = option_parser(__name__, __doc__)
@@ -124,7 +105,7 @@ def main(words=None):
         folder = arguments.folder.resolve() / f"a{aspect:g}"
         if status := run(text, folder, arguments.walltime):
             sys.exit(status)
-        if not is_finished(folder / RESULT):
+        if not runs.is_finished(folder / RESULT):
             sys.exit(UNFINISHED)
         results[aspect] = folder / RESULT
         m = measure(results[aspect])

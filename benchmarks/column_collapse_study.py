@@ -15,8 +15,9 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 from . import FIGURES, ROOT, option_parser
+from .library.runs import is_finished
 from .library.study import figures, table
-from .library.study.cases import Study, is_finished, run
+from .library.study.cases import RESULT, Study, run
 
 STUDY = ROOT / "configs" / "studies" / "column_collapse.yaml"
 QUICK_SPACING = 5e-3  # m
@@ -33,7 +34,7 @@ def main(words=None):
     folder = arguments.folder.resolve()
     study = Study(STUDY, QUICK_SPACING if arguments.quick else None)
     failed = [] if arguments.draw else run_all(study, arguments.only, folder)
-    done = {case: folder / case.name for case in study.cases if is_finished(folder / case.name)}
+    done = {case: folder / case.name for case in study.cases if is_finished(folder / case.name / RESULT)}
     spacing = QUICK_SPACING if arguments.quick else 2.5e-3
     figures.draw_all(done, spacing, folder / "pictures" if arguments.quick else FIGURES)
     rows = table.lines(done)

@@ -10,7 +10,6 @@ a pattern such as 'static-*'. Exit status 1 if a stable scheme fails, or oscilla
 with the constant influence of the publication.
 """
 
-import contextlib
 import sys
 import time
 from dataclasses import dataclass, replace
@@ -18,17 +17,16 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 import numpy as np
-import yaml
 from mpi4py import MPI
 
 from periporo.core.cli import RUN_ERROR
-from periporo.core.cli import main as periporo
 from periporo.core.points import fields
 from periporo.core.scene.build import build
 from periporo.io.input.load import parse_scene
-from periporo.io.output.results import ResultError, open_results
+from periporo.io.output.results import open_results
 
 from . import FIGURES, option_parser
+from .library import runs
 from .library.uniaxial_figures import draw
 from .library.verification_cases import BALANCED, OPTIONS
 
@@ -149,13 +147,7 @@ def quick_cases() -> list[Case]:
 
 def has_ended(folder: Path) -> bool:
     """Whether the run in a folder came to its end, or failed."""
-    if (folder / FAILURE).exists():
-        return True
-    try:
-        with open_results(folder / RESULT) as results:
-            return "finished" in results.attributes
-    except ResultError:
-        return False
+    return (folder / FAILURE).exists() or runs.is_finished(folder / RESULT)
 
 
 def run(case: Case, folder: Path) -> None:
@@ -164,19 +156,15 @@ def run(case: Case, folder: Path) -> None:
     The published force is run without a watchdog if it is to move: it fails, sooner or later. Raises RuntimeError if
     the scene cannot be run at all.
     """
-    text = yaml.safe_dump(case.scene(), sort_keys=False)
     scene, failure = folder / SCENE, folder / FAILURE
-    same = scene.exists() and scene.read_text() == text
-    if same and has_ended(folder):
+    if runs.is_same(case.scene(), scene) and has_ended(folder):
         return
-    folder.mkdir(parents=True, exist_ok=True)
     failure.unlink(missing_ok=True)
-    scene.write_text(text)
     if case.scheme == PUBLISHED and case.loading == "dynamic":
+        runs.write(case.scene(), scene)
         np.savez_compressed(failure, **unwatched(case))
         return
-    with contextlib.chdir(folder):
-        status = periporo(["run", SCENE, "--resume" if same else "--overwrite", "--quiet", "--no-plot"])
+    status = runs.run(case.scene(), scene, folder / RESULT)
     if status == RUN_ERROR and case.loading == "static":
         np.savez_compressed(failure)
     elif status:

@@ -14,6 +14,7 @@ STYLE = {"font.size": 10, "axes.titlesize": 11, "axes.labelsize": 10, "legend.fr
          "axes.grid": False, "grid.color": "0.9", "lines.linewidth": 1.5}
 _AXES = "xyz"
 _COLOURS = "viridis"
+_CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])  # of a square, over half its side
 
 
 def require_matplotlib():
@@ -141,7 +142,8 @@ class PointPicture:
         self.extent = extent_of(results, (0, -1)) if extent is None else extent
         self.limits = limits
         self.figure, self.axes, self._bar = self._lay_out(Figure)
-        self.points = [self._prepare(axes, view) for axes, view in zip(self.axes, self.views, strict=True)]
+        prepared = [self._prepare(axes, view) for axes, view in zip(self.axes, self.views, strict=True)]
+        self.points, self.squares = zip(*prepared, strict=True)
         self.colour_bar = None
 
     def show(self, step):
@@ -151,11 +153,15 @@ class PointPicture:
         position = results.positions(step)
         values, label = colour_values(results, self.field, step)
         limits = self.limits or colour_limits(values)
-        for view, points in zip(self.views, self.points, strict=True):
+        for view, points, squares in zip(self.views, self.points, self.squares, strict=True):
             order = view.nearest_last(position)
-            points.set_offsets(position[order][:, [view.across, view.up]])
-            points.set_array(np.ma.masked_invalid(values[order]))
-            points.set_clim(*limits)
+            centres = position[order][:, [view.across, view.up]]
+            points.set_offsets(centres)
+            if squares is not None:
+                squares.set_verts(centres[:, None] + 0.52 * self.spacing * _CORNERS)
+            for collection in (c for c in (points, squares) if c is not None):
+                collection.set_array(np.ma.masked_invalid(values[order]))
+                collection.set_clim(*limits)
         if self.colour_bar is None:
             self._add_colour_bar(label, values)
         self.axes[0].set_title(f"t = {results.times[step]:.4g} s", loc="left", color="0.2")
@@ -164,18 +170,29 @@ class PointPicture:
         self.axes[0].set_title(count, loc="right", color="0.5", fontsize=9)
 
     def _lay_out(self, new_figure):
-        """Figure, axes of the views, all to one scale, and axes of the colour bar below; in inches."""
+        """Figure, axes of the views, all to one scale, and axes of the colour bar below; in inches.
+
+        Two views stand below each other, or side by side if that is less tall than wide.
+        """
         size = self.extent[1] - self.extent[0]
         margin = max(2 * self.spacing, 0.02 * size.max())
         size = size + 2 * margin
         across = size[self.views[0].across]
         ups = [size[view.up] for view in self.views]
-        self._scale = scale = min(8.0 / across, 8.0 / sum(ups))
-        width, height = max(scale * across, 3.5) + 1.1, scale * sum(ups) + 0.65 * len(ups) + 1.2
+        n = len(ups)
+        beside = n > 1 and across < 0.8 * sum(ups)
+        columns, tall = (n, max(ups)) if beside else (1, sum(ups))
+        self._scale = scale = min(8.0 / (columns * across), 8.0 / tall)
+        breadth = columns * (scale * across + 0.9) - 0.9
+        width, height = max(breadth, 3.5) + 1.1, scale * tall + 0.65 * (n - columns) + 1.85
         figure = new_figure(figsize=(width, height))
-        left, bottom, axes = 0.5 * (width - scale * across) + 0.3, height - 0.4, []
-        for view, up in zip(self.views, ups, strict=True):
-            bottom -= scale * up
+        axes = []
+        for k, (view, up) in enumerate(zip(self.views, ups, strict=True)):
+            left, bottom = 0.5 * (width - breadth) + 0.3, 1.45
+            if beside:
+                left += k * (scale * across + 0.9)
+            else:
+                bottom += scale * sum(ups[k + 1:]) + 0.65 * (n - 1 - k)
             box = (left / width, bottom / height, scale * across / width, scale * up / height)
             frame = figure.add_axes(box)
             frame.set_xlim(self.extent[0, view.across] - margin, self.extent[1, view.across] + margin)
@@ -183,11 +200,11 @@ class PointPicture:
             name = f"   ({view.name} view)" if view.name else ""
             frame.set(xlabel=f"{_AXES[view.across]} [m]{name}", ylabel=f"{_AXES[view.up]} [m]")
             axes.append(frame)
-            bottom -= 0.65
         return figure, axes, figure.add_axes((0.15, 0.5 / height, 0.7, 0.15 / height))
 
     def _prepare(self, axes, view):
-        from matplotlib.collections import EllipseCollection, LineCollection
+        """The points of a view, and in two dimensions the squares below them; `show` fills them."""
+        from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
 
         first = self.results.positions(0)
         outline = outline_segments(first[:, [view.across, view.up]], self.spacing)
@@ -196,11 +213,14 @@ class PointPicture:
         diameter = self.spacing * (2 / np.sqrt(np.pi) if view.towards is None else np.cbrt(6 / np.pi))
         points = EllipseCollection([diameter], [diameter], [0.0], units="xy", offsets=np.empty((0, 2)),
                                    offset_transform=axes.transData, cmap=_COLOURS, linewidths=0, zorder=2)
+        axes.add_collection(points)
         if view.towards is not None:
             rim = min(0.3, 0.03 * 72 * self._scale * diameter)  # points (1/72 inch)
             points.set(edgecolors=(0, 0, 0, 0.35), linewidths=rim)
-        axes.add_collection(points)
-        return points
+            return points, None
+        squares = PolyCollection([], cmap=_COLOURS, linewidths=0, zorder=1)  # soil has no holes between its points
+        axes.add_collection(squares, autolim=False)
+        return points, squares
 
     def _add_colour_bar(self, label, values):
         low, high = self.points[0].get_clim()
@@ -208,6 +228,8 @@ class PointPicture:
         ends = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}
         self.colour_bar = self.figure.colorbar(self.points[0], cax=self._bar, orientation="horizontal",
                                                extend=ends[bool(below), bool(above)])
+        self.colour_bar.formatter.set_powerlimits((-2, 4))
+        self.colour_bar.formatter.set_useMathText(True)
         self.colour_bar.set_label(label)
         self.colour_bar.outline.set_visible(False)
 

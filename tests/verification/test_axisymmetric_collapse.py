@@ -1,13 +1,14 @@
 """The benchmark of collapsing cylinders with few points: stopped, resumed, measured, skipped when finished."""
 
 from benchmarks import axisymmetric_collapse as benchmark
+from benchmarks.library import runs
 
 
 def test_a_small_cylinder_collapses_to_rest_and_is_not_run_again(tmp_path, capsys):
     text = benchmark.scene(1.0, 100)
     result = tmp_path / benchmark.RESULT
-    assert benchmark.run(text, tmp_path, walltime=1e-3) == 0 and not benchmark.is_finished(result)
-    assert benchmark.run(text, tmp_path) == 0 and benchmark.is_finished(result)
+    assert benchmark.run(text, tmp_path, walltime=1e-3) == 0 and not runs.is_finished(result)
+    assert benchmark.run(text, tmp_path) == 0 and runs.is_finished(result)
     m = benchmark.measure(result)
     assert 80 < m["points"] < 130
     assert 0.3 < m["run-out"] <= m["outermost"] < 1.6  # Lube et al. (2004): 1.24; five rows of points spread less

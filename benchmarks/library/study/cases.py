@@ -1,16 +1,13 @@
 """The cases of a study: combinations of parameters, each a scene of its own that is run in a folder of its own."""
 
-import contextlib
 from copy import deepcopy
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
-import yaml
-
-from periporo.core.cli import main as periporo
 from periporo.io.input.yaml_source import read_yaml
-from periporo.io.output.results import ResultError, open_results
+
+from .. import runs
 
 HALF_WIDTH = 0.05  # m
 FIELDS = [
@@ -97,23 +94,6 @@ def _put(scene, path, value):
     scene[last] = value
 
 
-def is_finished(folder: Path) -> bool:
-    """Whether the run in a folder has come to its end."""
-    try:
-        with open_results(folder / RESULT) as results:
-            return "finished" in results.attributes
-    except ResultError:
-        return False
-
-
 def run(study: Study, case: Case, folder: Path) -> int:
     """Run a case in `folder`, or the rest of it; the exit status of `periporo`. A changed case starts anew."""
-    text = yaml.safe_dump(study.scene(case), sort_keys=False)
-    scene = folder / SCENE
-    same = scene.exists() and scene.read_text() == text
-    if same and is_finished(folder):
-        return 0
-    folder.mkdir(parents=True, exist_ok=True)
-    scene.write_text(text)
-    with contextlib.chdir(folder):
-        return periporo(["run", SCENE, "--resume" if same else "--overwrite", "--quiet", "--no-plot"])
+    return runs.run(study.scene(case), folder / SCENE, folder / RESULT)

@@ -113,6 +113,10 @@ def test_picture_draws_points_at_their_place_and_size(tmp_path, heap):
         assert np.all(points.get_array() == 1.0)
         # a disc as large as the area of a point
         assert np.pi / 4 * points.get_widths() ** 2 == pytest.approx(0.01)
+        corners = np.array([path.vertices[:4] for path in picture.squares[0].get_paths()])  # of the squares below
+        assert np.allclose(corners.mean(axis=1), results.positions()[:, :2])
+        assert np.ptp(corners[0], axis=0) == pytest.approx([0.104, 0.104])  # a little more, so that no seams show
+        assert np.array_equal(picture.squares[0].get_array(), points.get_array())
         box = axes.get_window_extent()
         across, up = np.diff(axes.get_xlim()), np.diff(axes.get_ylim())
         assert box.width / across == pytest.approx(box.height / up, rel=1e-9)
@@ -130,8 +134,21 @@ def test_views_of_three_dimensions_hide_what_is_behind(tmp_path, heap):
         picture = drawing.PointPicture(results, "displacement")
         picture.show(-1)
         assert np.pi / 6 * picture.points[0].get_widths() ** 3 == pytest.approx(1e-3)
+        assert picture.squares == (None, None)  # balls hide what is behind them
         values = drawing.colour_values(results, "displacement")[0]
         assert np.array_equal(picture.points[0].get_array(), values[front.nearest_last(position)])
+
+
+@pytest.mark.parametrize("size, beside", [((1.0, 1.0, 0.5), True), ((3.0, 1.0, 1.0), False)])
+def test_two_views_stand_so_that_the_picture_is_not_tall(tmp_path, heap, size, beside):
+    with open_results(heap(tmp_path / "run.h5", dimension=3)) as results:
+        picture = drawing.PointPicture(results, extent=np.array([np.zeros(3), size]))
+        front, top = (axes.get_position() for axes in picture.axes)
+        assert (front.x1 < top.x0 and front.y0 == top.y0) if beside else (front.y0 > top.y1 and front.x0 == top.x0)
+        width, height = picture.figure.get_size_inches()
+        assert height < 1.3 * width
+        scales = [axes.get_window_extent().width / np.diff(axes.get_xlim()) for axes in picture.axes]
+        assert scales[0] == pytest.approx(scales[1])
 
 
 def test_run_makes_all_pictures(tmp_path, heap):
