@@ -32,7 +32,7 @@ TABLE = PICTURES / "runs.csv"
 LARGE = 150_000  # bytes of a picture
 HEAD = """# Gallery
 
-Every scene that comes with the program: `periporo new` lists them, `periporo new NAME` writes one to start from. The
+Every scene that comes with the program: `periporo new` lists them, and with a name writes one to start from. The
 pictures are those that `periporo plot` makes: the points of the soil by their shear strain, over the outline that they
 had at first. All of this page is made by `python -m benchmarks gallery`; times are of one core, with kernels compiled.
 
@@ -130,7 +130,7 @@ def section(scene: Path, row: dict) -> list[str]:
         f"{row['points']} points, {row['steps']} steps in {duration(float(row['processor_s']))} on one core. The "
         f"fastest point reaches {row['fastest_m_per_s']} m/s,",
         f"and energy is accounted for to {row['energy_unexplained']} of the largest term of its ledger.", "",
-        f"`periporo new {name}`, `periporo {name}.yaml`, `periporo plot {name}.h5 --animate`",
+        f"`periporo new {name}`, `periporo {name}.yaml`,", f"`periporo plot {name}.h5 --animate`",
     ]  # fmt: skip
 
 
