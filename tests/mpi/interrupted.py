@@ -1,8 +1,8 @@
-"""Runs the command line on several ranks, with a signal after a step.
+"""Runs the command line on several ranks in one folder or more (see folders.py), with a signal after a step of each.
 
-mpirun -n 2 python interrupted.py SIGTERM 40 config.yaml ...            to the last rank
-mpirun -n 2 python interrupted.py mpirun:SIGTERM 40 config.yaml ...     to mpirun, which passes it on
-mpirun -n 2 python interrupted.py everyone:SIGTERM 40 config.yaml ...   to mpirun and to every rank
+mpirun -n 2 python interrupted.py SIGTERM 40 --quiet ...            to the last rank
+mpirun -n 2 python interrupted.py mpirun:SIGTERM 40 --quiet ...     to mpirun, which passes it on
+mpirun -n 2 python interrupted.py everyone:SIGTERM 40 --quiet ...   to mpirun and to every rank
 """
 
 import os
@@ -11,9 +11,9 @@ import sys
 import time
 from pathlib import Path
 
+import folders
 from mpi4py import MPI
 
-from periporo.core import cli
 from periporo.core.watch.interrupt import Keeper
 
 TO, _, NAME = sys.argv[1].rpartition(":")
@@ -43,4 +43,4 @@ def check_after_signal(self, sim, check=Keeper.check):
 
 if __name__ == "__main__":
     Keeper.check = check_after_signal
-    raise SystemExit(cli.main(sys.argv[3:]))
+    raise SystemExit(folders.run(sys.argv[3:]))

@@ -1,9 +1,10 @@
 """Gives damaged scenes to the command line on all ranks, and takes down what it answers.
 
-    mpirun -n 2 python refusals.py answers.json 300
+    mpirun -n 2 python refusals.py answers.json [all]
 
-Each scene of `periporo.configs` is damaged that many times (see tests/mutations.py; with 10000, in all ways). The file
-gets a list of [what was done, exit status of each rank, standard output and error of each rank, files that appeared].
+Each scene of `periporo.configs` is damaged (see tests/mutations.py) in its share of the ways, so that their number does
+not grow with that of the scenes; with `all`, in every way. The file gets a list of [what was done, exit status of each
+rank, standard output and error of each rank, files that appeared].
 """
 
 import contextlib
@@ -32,6 +33,7 @@ _SPEC = importlib.util.spec_from_file_location("mutations", Path(__file__).paren
 mutations = importlib.util.module_from_spec(_SPEC)
 _SPEC.loader.exec_module(mutations)
 SCENE = Path("scene.yaml")
+SELDOM = 4  # damage to the structure is of few kinds at many places
 
 
 def shipped():
@@ -40,16 +42,15 @@ def shipped():
     return {path.stem: read_yaml(path).data for path in sorted(folder.glob("*.yaml"))}
 
 
-def damages(scene, count):
-    """(what, bytes) of all special damage, and of so much structural damage that there are `count`."""
+def damages(scene, first=0, step=1, seldom=1):
+    """(what, bytes) of every `step`-th damage of a scene from the `first` on, of its structure every `seldom`-th."""
     m = mutations
     special = [*m.contradictory(scene), *m.out_of_range(scene), *m.paths(scene)]
-    texts = list(m.texts(scene))
     structural = [*m.lookalikes(scene), *m.structural(scene, most=2)]
     random.Random(1).shuffle(structural)
-    for what, path, damaged in special + structural[: max(0, count - len(special) - len(texts))]:
+    for what, path, damaged in special[first::step] + structural[first::seldom]:
         yield f"{what} at {path}", m.dumped(damaged).encode()
-    yield from texts
+    yield from list(m.texts(scene))[first::step]
 
 
 def answer(text):
@@ -86,8 +87,10 @@ def main():
     folder.mkdir(exist_ok=True)
     os.chdir(folder)
     found = []
-    for name, scene in shipped().items():
-        for what, text in damages(scene, int(sys.argv[2])):
+    scenes = shipped()
+    for number, (name, scene) in enumerate(scenes.items()):
+        shares = () if sys.argv[2:] == ["all"] else (number, len(scenes), SELDOM * len(scenes))
+        for what, text in damages(scene, *shares):
             found.append((f"{name}: {what}", answer(text)))
     if COMM.rank == 0:
         Path("..", sys.argv[1]).write_text(json.dumps([(what, *given) for what, given in found]))

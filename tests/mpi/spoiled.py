@@ -1,19 +1,21 @@
-"""Runs the command line with a fault in the state after a step, so many times.
+"""Runs the command line in folders named by a fault (see folders.py): it spoils the state after a step, so many times.
 
-    mpirun -n 2 python spoiled.py speed 45 1 config.yaml ...
+    mpirun -n 2 python spoiled.py 45 1 --no-plot ...
 
 Point and bond are named by ids, whichever rank has them: the fault is the same on any number of ranks.
 """
 
 import sys
+from collections import Counter
+from pathlib import Path
 
+import folders
 import numpy as np
 
-from periporo.core import cli
 from periporo.core.points.material import StepRefused
 from periporo.core.watch.watchdog import Watchdog, wave_speeds
 
-KIND, STEP, TIMES = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+STEP, TIMES = int(sys.argv[1]), int(sys.argv[2])
 POINT, BOND = 17, (16, 17)
 
 
@@ -75,16 +77,17 @@ def refused(sim):
 FAULTS = {
     "nan": nan, "nan_stress": nan_stress, "speed": speed, "strain": strain, "energy": energy, "refused": refused,
 }  # fmt: skip
-left = [TIMES]
+done = Counter()  # faults, by their kind
 
 
 def check_spoiled(self, sim, check=Watchdog.check):
-    if left[0] and sim.step_number == STEP:
-        left[0] -= 1
-        FAULTS[KIND](sim)
+    kind = Path.cwd().name
+    if done[kind] < TIMES and sim.step_number == STEP:
+        done[kind] += 1
+        FAULTS[kind](sim)
     check(self, sim)
 
 
 if __name__ == "__main__":
     Watchdog.check = check_spoiled
-    raise SystemExit(cli.main(sys.argv[4:]))
+    raise SystemExit(folders.run(sys.argv[3:]))

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 import yaml
@@ -39,14 +38,6 @@ def run(mpirun, folder, scene, ranks):
     return folder / "coarse.vtkhdf"
 
 
-def datasets(path):
-    """All datasets of a result file by name."""
-    found = {}
-    with h5py.File(path) as file:
-        file.visititems(lambda name, item: found.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None)
-    return found
-
-
 def test_shipped_scene_is_valid():
     scene = load_scene(SCENE)
     assert {m.model for m in scene.materials.values()} == {"arena", "elastic"}
@@ -62,13 +53,10 @@ def test_both_laws_act_in_the_bonds_across_the_interface(coarse):
     assert (sand.state[sand.active, 2] < 0).all()  # strength of every row, also across
 
 
-def test_blast_on_two_ranks_has_the_same_bits_and_crushes_the_sand(mpirun, tmp_path, coarse):
+def test_blast_on_two_ranks_has_the_same_bits_and_crushes_the_sand(mpirun, tmp_path, coarse, datasets,
+                                                                     assert_same_bits):  # fmt: skip
     files = [run(mpirun, tmp_path / str(ranks), coarse, ranks) for ranks in (1, 2)]
-    one, two = (datasets(file) for file in files)
-    assert one.keys() == two.keys()
-    for name in one:
-        a, b = one[name], two[name]
-        assert np.array_equal(a, b, equal_nan=a.dtype.kind == "f"), name
+    assert_same_bits(*map(datasets, files))
     with open_results(files[1]) as results:
         assert results.attributes["ranks"] == 2 and results.attributes["messages"] > 0
         sand = results.field("material") == 1

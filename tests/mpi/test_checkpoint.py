@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import h5py
@@ -74,29 +75,21 @@ def stacked_cubes():
     }  # fmt: skip
 
 
-def contents(path):
-    """All datasets of an HDF5 file by name."""
-    found = {}
-    with h5py.File(path) as file:
-        file.visititems(lambda name, item: found.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None)
-    return found
+@pytest.fixture(scope="module")
+def interrupt_in(mpirun):
+    """Function that runs the scenes below a folder on a number of ranks, with a signal after a step of each."""
 
+    def run(folder, ranks, *words, name="SIGTERM", step=10**9):
+        words = (HERE / "interrupted.py", name, step, "--no-plot", *words)
+        return mpirun(ranks, *words, folder=folder, timeout=600)
 
-def assert_same_bits(one, other):
-    assert one.keys() == other.keys()
-    for name, values in one.items():
-        assert values.dtype == other[name].dtype
-        assert np.array_equal(values, other[name], equal_nan=values.dtype.kind == "f"), name
+    return run
 
 
 @pytest.fixture
-def interrupt(mpirun, tmp_path):
-    """Function that runs the scene on a number of ranks, with a signal after a step; its CompletedProcess."""
-
-    def run(ranks, *words, name="SIGTERM", step=10**9):
-        return mpirun(ranks, HERE / "interrupted.py", name, step, "scene.yaml", "--no-plot", *words, folder=tmp_path)
-
-    return run
+def interrupt(interrupt_in, tmp_path):
+    """The same for the scene of this test alone."""
+    return partial(interrupt_in, tmp_path)
 
 
 def write_scene(folder, scene):
@@ -107,11 +100,11 @@ def checkpoints(folder):
     return sorted(folder.glob("scene.checkpoint-*"))
 
 
-def test_the_state_at_a_step_is_the_same_however_the_run_got_there(interrupt, tmp_path):
+def test_the_state_at_a_step_is_the_same_however_the_run_got_there(interrupt, tmp_path, datasets, assert_same_bits):
     """One rank, or two ranks up to the middle of the relaxation and three from there."""
     write_scene(tmp_path, column())
     assert interrupt(1, step=40).returncode == 0
-    state = contents(checkpoints(tmp_path)[0])
+    state = datasets(checkpoints(tmp_path)[0])
     assert state["rows_0/ids"].shape[0] > 300 and state["points/id"].tolist() == list(range(150))
     assert state["points/contact_spring_0"].any() and state["points/work"].any()
     assert interrupt(2, "--overwrite", step=20).returncode == 0
@@ -119,25 +112,46 @@ def test_the_state_at_a_step_is_the_same_however_the_run_got_there(interrupt, tm
     assert run.returncode == 0 and "resuming at t = " in run.stdout and "go on with: periporo scene.yaml" in run.stdout
     names = [path.name for path in checkpoints(tmp_path)]
     assert names == [f"scene.checkpoint-{step:012d}.h5" for step in (20, 40)]
-    assert_same_bits(state, contents(checkpoints(tmp_path)[1]))
+    assert_same_bits(state, datasets(checkpoints(tmp_path)[1]))
 
 
-@pytest.mark.parametrize("scene", [column, wet_column, stacked_cubes], ids=lambda s: s.__name__)
-def test_interruptions_and_other_numbers_of_ranks_change_no_bit(interrupt, tmp_path, scene):
-    write_scene(tmp_path, scene())
-    run = interrupt(1, name="SIGUSR1", step=20)  # a checkpoint, and on
-    assert run.returncode == 0 and "checkpoint at t = " in run.stdout
-    one = contents(tmp_path / "scene.vtkhdf")
-    assert not np.isnan(one["VTKHDF/Points"]).any() and not checkpoints(tmp_path)  # a finished run needs none
-    assert interrupt(2, "--overwrite", step=20).returncode == 0
-    assert interrupt(3, "--resume", step=40).returncode == 0
-    run = interrupt(1, "--resume")
+MOVING = {scene.__name__: scene for scene in (column, wet_column, stacked_cubes)}
+
+
+@pytest.fixture(scope="module")
+def carried_on(interrupt_in, datasets, by_folder, tmp_path_factory):
+    """Datasets by scene of runs on one rank to the end, and the files of runs in parts, on two, three and one."""
+    folder, whole = tmp_path_factory.mktemp("parts"), {}
+    for name, scene in MOVING.items():
+        (folder / name).mkdir()
+        write_scene(folder / name, scene())
+    run = interrupt_in(folder, 1, name="SIGUSR1", step=20)  # a checkpoint, and on
     assert run.returncode == 0, run.stderr
-    assert_same_bits(one, contents(tmp_path / "scene.vtkhdf"))
-    assert "nothing to resume" in interrupt(1, "--resume").stdout
+    assert all("checkpoint at t = " in said for said in by_folder(run.stdout).values())
+    for name in MOVING:
+        whole[name] = datasets(folder / name / "scene.vtkhdf")
+        assert not checkpoints(folder / name)  # a finished run needs none
+    assert interrupt_in(folder, 2, "--overwrite", step=20).returncode == 0
+    assert interrupt_in(folder, 3, "--resume", step=40).returncode == 0
+    assert all(len(checkpoints(folder / name)) == 2 for name in MOVING)
+    run = interrupt_in(folder, 1, "--resume")
+    assert run.returncode == 0, run.stderr
+    return whole, {name: folder / name / "scene.vtkhdf" for name in MOVING}
 
 
-def test_the_batch_systems_signals_reach_the_ranks(interrupt, tmp_path):
+@pytest.mark.parametrize("scene", MOVING)
+def test_interruptions_and_other_numbers_of_ranks_change_no_bit(carried_on, datasets, assert_same_bits, scene):
+    whole, files = carried_on
+    assert not np.isnan(whole[scene]["VTKHDF/Points"]).any()
+    assert_same_bits(whole[scene], datasets(files[scene]))
+
+
+def test_a_finished_run_is_not_resumed(carried_on, interrupt_in):
+    folder = carried_on[1]["column"].parent
+    assert "nothing to resume" in interrupt_in(folder, 1, "--resume").stdout
+
+
+def test_the_batch_systems_signals_reach_the_ranks(interrupt, tmp_path, datasets, assert_same_bits):
     """mpirun passes SIGUSR1 and SIGTERM on; who signals it and every rank asks only once."""
     scene = column()
     scene["stages"] = [{"name": "fall", "type": "dynamics", "duration": 0.02}]
@@ -146,38 +160,51 @@ def test_the_batch_systems_signals_reach_the_ranks(interrupt, tmp_path):
     assert run.returncode == 0 and "step 20: scene.checkpoint" in run.stdout, run.stderr
     if MPI.get_vendor()[0] == "Open MPI":
         pytest.skip("its mpirun answers SIGTERM by ending the ranks, with status 1 and without their last words")
-    one = contents(tmp_path / "scene.vtkhdf")
+    one = datasets(tmp_path / "scene.vtkhdf")
     for step, target, words in ((10, "mpirun", ["--overwrite"]), (20, "everyone", ["--resume"])):
         run = interrupt(2, *words, name=f"{target}:SIGTERM", step=step)
         assert run.returncode == 0 and f"step {step}; checkpoint" in run.stdout, run.stderr
     assert interrupt(1, "--resume").returncode == 0
-    assert_same_bits(one, contents(tmp_path / "scene.vtkhdf"))
+    assert_same_bits(one, datasets(tmp_path / "scene.vtkhdf"))
 
 
-OPTIONS = [{"scheme": "point_state", "sharpened": True}, {"scheme": "bond_projected", "balance": True},
+OTHERS = [name for name in SCHEMES if name != "bond_projected"]
+OTHERS += [{"scheme": "point_state", "sharpened": True}, {"scheme": "bond_projected", "balance": True},
             {"scheme": "point_state", "sharpened": True, "balance": True}]  # fmt: skip
 
 
-@pytest.mark.parametrize("scheme", [*(name for name in SCHEMES if name != "bond_projected"), *OPTIONS], ids=str)
-def test_every_scheme_goes_on_bit_for_bit(interrupt, tmp_path, scheme):
-    """On one rank to the end, or on one, then on two, and on three."""
-    scene = column(scheme)
-    scene["stages"] = [{"name": "fall", "type": "dynamics", "duration": 0.02}]
-    write_scene(tmp_path, scene)
-    assert interrupt(1).returncode == 0
-    one = contents(tmp_path / "scene.vtkhdf")
+@pytest.fixture(scope="module")
+def every_scheme(interrupt_in, datasets, by_folder, tmp_path_factory):
+    """Datasets of every scheme's run on one rank to the end, and the files of runs on one, then two, and three."""
+    folder = tmp_path_factory.mktemp("schemes")
+    folders = [folder / f"scheme{k}" for k in range(len(OTHERS))]
+    for where, scheme in zip(folders, OTHERS, strict=True):
+        where.mkdir()
+        scene = column(scheme)
+        scene["stages"] = [{"name": "fall", "type": "dynamics", "duration": 0.02}]
+        write_scene(where, scene)
+    assert interrupt_in(folder, 1).returncode == 0
+    whole = [datasets(where / "scene.vtkhdf") for where in folders]
     for ranks, step, words in ((1, 10, ["--overwrite"]), (2, 20, ["--resume"])):
-        run = interrupt(ranks, *words, step=step)
-        assert run.returncode == 0 and f"step {step}; checkpoint" in run.stdout, run.stderr
-    run = interrupt(3, "--resume")
+        run = interrupt_in(folder, ranks, *words, step=step)
+        assert run.returncode == 0, run.stderr
+        assert all(f"step {step}; checkpoint" in said for said in by_folder(run.stdout).values()), run.stdout
+    run = interrupt_in(folder, 3, "--resume")
     assert run.returncode == 0, run.stderr
-    assert_same_bits(one, contents(tmp_path / "scene.vtkhdf"))
+    return whole, [where / "scene.vtkhdf" for where in folders]
 
 
-def test_a_damaged_checkpoint_is_passed_over(interrupt, tmp_path):
+@pytest.mark.parametrize("scheme", OTHERS, ids=str)
+def test_every_scheme_goes_on_bit_for_bit(every_scheme, datasets, assert_same_bits, scheme):
+    """On one rank to the end, or on one, then on two, and on three."""
+    (whole, files), k = every_scheme, OTHERS.index(scheme)
+    assert_same_bits(whole[k], datasets(files[k]))
+
+
+def test_a_damaged_checkpoint_is_passed_over(interrupt, tmp_path, datasets, assert_same_bits):
     write_scene(tmp_path, column())
     assert interrupt(1).returncode == 0
-    one = contents(tmp_path / "scene.vtkhdf")
+    one = datasets(tmp_path / "scene.vtkhdf")
     for step, words in ((20, ["--overwrite"]), (40, ["--resume"])):
         assert interrupt(1, *words, step=step).returncode == 0
     older, newer = checkpoints(tmp_path)
@@ -188,7 +215,7 @@ def test_a_damaged_checkpoint_is_passed_over(interrupt, tmp_path):
     newer.write_bytes(data)
     run = interrupt(2, "--resume")
     assert run.returncode == 0 and f"{newer.name}: it is damaged" in run.stdout and older.name in run.stdout
-    assert_same_bits(one, contents(tmp_path / "scene.vtkhdf"))
+    assert_same_bits(one, datasets(tmp_path / "scene.vtkhdf"))
 
 
 def test_what_cannot_be_resumed_says_so(interrupt, tmp_path):
@@ -214,12 +241,12 @@ def test_the_wall_time_ends_a_run_in_time(mpirun, tmp_path):
     assert "stopped at t = " in run.stdout and 1 <= len(checkpoints(tmp_path)) <= 2  # one half-way, to learn its cost
 
 
-def test_killed_runs_resume_and_end_alike(tmp_path):
+def test_killed_runs_resume_and_end_alike(tmp_path, datasets, assert_same_bits):
     """SIGKILL at three random moments; `python -m benchmarks kill` does it thirty times."""
     write_scene(tmp_path, column())
     command = [sys.executable, *CLI, "scene.yaml", *QUIET]
     assert subprocess.run(command, cwd=tmp_path, timeout=120).returncode == 0
-    one = contents(tmp_path / "scene.vtkhdf")
+    one = datasets(tmp_path / "scene.vtkhdf")
     (tmp_path / "scene.vtkhdf").unlink()
     write_scene(tmp_path, column(checkpoint={"interval": 0.05}))
     moments = random.Random(1)
@@ -232,7 +259,7 @@ def test_killed_runs_resume_and_end_alike(tmp_path):
         os.kill(run.pid, signal.SIGKILL)
         run.wait()
     assert subprocess.run([*command, "--resume"], cwd=tmp_path, timeout=120).returncode == 0
-    assert_same_bits(one, contents(tmp_path / "scene.vtkhdf"))
+    assert_same_bits(one, datasets(tmp_path / "scene.vtkhdf"))
 
 
 def test_a_full_disk_ends_the_run_with_a_word(tmp_path):

@@ -68,61 +68,63 @@ def two_soils():
     }  # fmt: skip
 
 
-def datasets(path):
-    """All datasets of a result file by name, and the attributes of the run."""
-    found = {}
+OTHERS = [name for name in SCHEMES if name != "bond_projected"]
+OTHERS += [{"scheme": "point_state", "sharpened": True, "regular": True}, {"scheme": "bond_projected", "balance": True},
+            {"scheme": "point_state", "sharpened": True, "balance": True}]  # fmt: skip
+MOVING = [collapse, impact, two_soils]
+
+
+@pytest.fixture(scope="module")
+def simulated(mpirun, tmp_path_factory, scene_of):
+    """The result files by number of ranks and name: every number of ranks is started once for all its scenes."""
+    few = scene_of(counts=(3, 1), stages=[{"name": "fall", "type": "dynamics", "duration": 2e-3}],
+                   time_step={"fixed": 2e-5})  # fmt: skip
+    cases = [(scene.__name__, scene(), (1, 2, 3, 4)) for scene in MOVING]
+    cases += [(f"scheme{k}", collapse(scheme, duration=0.02), (1, 3)) for k, scheme in enumerate(OTHERS)]
+    cases += [("few", few, (1, 5))]
+    parent, files = tmp_path_factory.mktemp("simulated"), {}
+    for ranks in (1, 2, 3, 4, 5):
+        for name, scene, numbers in cases:
+            if ranks in numbers:
+                folder = parent / str(ranks) / name
+                folder.mkdir(parents=True)
+                (folder / "scene.yaml").write_text(yaml.safe_dump(scene))
+                files[ranks, name] = folder / "scene.vtkhdf"
+        run = mpirun(ranks, HERE / "folders.py", "--quiet", "--no-plot", folder=parent / str(ranks), timeout=600)
+        assert run.returncode == 0, run.stderr
+    return files
+
+
+def attributes(path):
+    """What a run says of itself."""
     with h5py.File(path) as file:
-        file.visititems(lambda name, item: found.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None)
-        return found, dict(file["Run"].attrs)
+        return dict(file["Run"].attrs)
 
 
-def simulate(mpirun, folder, scene, ranks):
-    """The datasets and attributes after a run of `scene` on `ranks` ranks."""
-    (folder / "scene.yaml").write_text(yaml.safe_dump(scene))
-    run = mpirun(ranks, *CLI, "scene.yaml", "--quiet", "--no-plot", "--overwrite", folder=folder)
-    assert run.returncode == 0, run.stderr
-    return datasets(folder / "scene.vtkhdf")
-
-
-def assert_same_bits(one, several):
-    assert one.keys() == several.keys()
-    for name in one:
-        a, b = one[name], several[name]
-        assert a.dtype == b.dtype and a.shape == b.shape and np.array_equal(a, b, equal_nan=a.dtype.kind == "f"), name
-
-
-@pytest.mark.parametrize("scene", [collapse, impact, two_soils], ids=lambda s: s.__name__)
-def test_results_have_the_same_bits_on_one_to_four_ranks(mpirun, tmp_path, scene):
-    one, alone = simulate(mpirun, tmp_path, scene(), 1)
+@pytest.mark.parametrize("scene", MOVING, ids=lambda s: s.__name__)
+def test_results_have_the_same_bits_on_one_to_four_ranks(simulated, datasets, assert_same_bits, scene):
+    one, alone = datasets(simulated[1, scene.__name__]), attributes(simulated[1, scene.__name__])
     assert alone["rebuilds"] > 50 and alone["migrated_points"] == alone["messages"] == 0
     assert len(one["VTKHDF/Steps/Values"]) >= 5
     assert not np.isnan(one["VTKHDF/Points"]).any()
     for ranks in (2, 3, 4):
-        several, run = simulate(mpirun, tmp_path, scene(), ranks)
-        assert_same_bits(one, several)
+        file = simulated[ranks, scene.__name__]
+        assert_same_bits(one, datasets(file))
+        run = attributes(file)
         assert run["ranks"] == ranks and run["rebuilds"] == alone["rebuilds"]
         assert run["migrated_points"] > 50 and run["messages"] > 0 and run["bytes_sent"] > run["messages"]
 
 
-OTHERS = [name for name in SCHEMES if name != "bond_projected"]
-OTHERS += [{"scheme": "point_state", "sharpened": True, "regular": True}, {"scheme": "bond_projected", "balance": True},
-            {"scheme": "point_state", "sharpened": True, "balance": True}]  # fmt: skip
-
-
 @pytest.mark.parametrize("scheme", OTHERS, ids=str)
-def test_every_scheme_has_the_same_bits_on_three_ranks(mpirun, tmp_path, scheme):
-    scene = collapse(scheme, duration=0.02)
-    one, _ = simulate(mpirun, tmp_path, scene, 1)
-    assert_same_bits(one, simulate(mpirun, tmp_path, scene, 3)[0])
+def test_every_scheme_has_the_same_bits_on_three_ranks(simulated, datasets, assert_same_bits, scheme):
+    name = f"scheme{OTHERS.index(scheme)}"
+    assert_same_bits(datasets(simulated[1, name]), datasets(simulated[3, name]))
 
 
-def test_more_ranks_than_points(mpirun, tmp_path, scene_of):
-    scene = scene_of(counts=(3, 1), stages=[{"name": "fall", "type": "dynamics", "duration": 2e-3}],
-                     time_step={"fixed": 2e-5})  # fmt: skip
-    one, _ = simulate(mpirun, tmp_path, scene, 1)
-    several, _ = simulate(mpirun, tmp_path, scene, 5)
+def test_more_ranks_than_points(simulated, datasets, assert_same_bits):
+    one = datasets(simulated[1, "few"])
     assert len(one["VTKHDF/PointData/id"]) // len(one["VTKHDF/Steps/Values"]) == 3
-    assert_same_bits(one, several)
+    assert_same_bits(one, datasets(simulated[5, "few"]))
 
 
 @pytest.mark.parametrize("ranks", [1, 2, 3, 4])

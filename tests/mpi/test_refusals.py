@@ -10,7 +10,6 @@ import pytest
 
 from periporo.errors import SCREEN_LINES, SCREEN_WIDTH
 
-COUNT = 310  # mutations of each shipped scene
 HERE = Path(__file__).parent
 
 
@@ -23,7 +22,7 @@ def answers(mpirun, tmp_path_factory):
     def ask(ranks):
         folder = parent / f"ranks{ranks}"
         folder.mkdir()
-        run = mpirun(ranks, HERE / "refusals.py", "answers.json", COUNT, folder=folder)
+        run = mpirun(ranks, HERE / "refusals.py", "answers.json", folder=folder)
         assert run.returncode == 0, run.stderr
         return json.loads((folder / "answers.json").read_text().replace(folder.name, "ranks"))
 
@@ -49,8 +48,9 @@ def test_two_ranks_answer_the_same_with_one_voice(answers):
         assert errors == [alone[3][0], ""], what
 
 
-def test_each_shipped_scene_was_damaged_often(answers):
+def test_each_shipped_scene_was_damaged_in_its_share_of_the_ways(answers):
     counts = Counter(what.split(":")[0] for what, *_ in answers[0])
     shipped = [path.stem for path in Path(resources.files("periporo.configs")).glob("*.yaml")]
-    assert sorted(counts) == sorted(shipped) and min(counts.values()) >= COUNT
+    assert sorted(counts) == sorted(shipped)
+    assert sum(counts.values()) > 400 and min(counts.values()) > 0.8 * max(counts.values())
     assert len({what for what, *_ in answers[0]}) > 0.9 * len(answers[0])

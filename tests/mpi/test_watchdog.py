@@ -1,5 +1,6 @@
 """The watchdog on several ranks: they see a fault alike, take it back alike, and report it alike."""
 
+from itertools import product
 from pathlib import Path
 
 import h5py
@@ -15,22 +16,46 @@ FAULTS = {  # kind -> text of the message
 }  # fmt: skip
 
 
-@pytest.fixture
-def spoil(mpirun, scene_of, tmp_path):
-    """Function that runs a falling block on a number of ranks, spoiled so many times: process, folder."""
-    scene = scene_of(counts=(8, 6), contacts=[], time_step={"fixed": 2e-5}, output={"interval": 2e-3},
-                     stages=[{"name": "fall", "type": "dynamics", "duration": 6e-3}])  # fmt: skip
-    scene["bodies"][0]["velocity"] = [0.3, 0.0]
+@pytest.fixture(scope="module")
+def spoil(mpirun, scene_of, tmp_path_factory):
+    """Function that runs falling blocks on one rank and on two, each with a fault of its kind, so many times.
 
-    def run(ranks, kind, times, step):
-        folder = tmp_path / f"on{ranks}"
-        folder.mkdir()
-        bonds = {"correspondence": "bond_projected"} if kind == "strain" else {}  # links of points would feel it, too
-        (folder / "scene.yaml").write_text(yaml.safe_dump(scene | bonds))
-        words = (HERE / "spoiled.py", kind, step, times, "scene.yaml", "--no-plot")
-        return mpirun(ranks, *words, folder=folder, timeout=200), folder
+    Returns the two processes and the folder of the runs, `on1` and `on2` below it.
+    """
+
+    def run(kinds, times, step):
+        parent = tmp_path_factory.mktemp("spoiled")
+        for folder, kind in product((parent / "on1", parent / "on2"), kinds):
+            # links of points would feel the leap of the fault `strain`, too
+            bonds = {"correspondence": "bond_projected"} if kind == "strain" else {}
+            scene = scene_of(counts=(8, 6), contacts=[], time_step={"fixed": 2e-5}, output={"interval": 2e-3},
+                             stages=[{"name": "fall", "type": "dynamics", "duration": 6e-3}], **bonds)  # fmt: skip
+            scene["bodies"][0]["velocity"] = [0.3, 0.0]
+            (folder / kind).mkdir(parents=True)
+            (folder / kind / "scene.yaml").write_text(yaml.safe_dump(scene))
+        words = (HERE / "spoiled.py", step, times, "--no-plot")
+        return [mpirun(ranks, *words, folder=parent / f"on{ranks}", timeout=300) for ranks in (1, 2)], parent
 
     return run
+
+
+@pytest.fixture(scope="module")
+def repaired(spoil, by_folder):
+    """What both say by kind of fault, and the folder: a fault that comes once."""
+    runs, folder = spoil(FAULTS, 1, 141)
+    assert [run.returncode for run in runs] == [0, 0], runs[1].stderr
+    return [by_folder(run.stdout) for run in runs], folder
+
+
+LASTING = ("nan", "speed")
+
+
+@pytest.fixture(scope="module")
+def lasting(spoil, by_folder):
+    """What both say by kind of fault, and the folder: a fault that comes again and again."""
+    runs, folder = spoil(LASTING, 99, 31)
+    assert [run.returncode for run in runs] == [3, 3], runs[1].stderr
+    return [by_folder(run.stderr) for run in runs], folder
 
 
 def watchdog_messages(text):
@@ -39,28 +64,28 @@ def watchdog_messages(text):
 
 
 @pytest.mark.parametrize("kind", FAULTS)
-def test_a_fault_is_seen_and_repaired_alike(spoil, kind):
-    (alone, one), (together, two) = spoil(1, kind, 1, 141), spoil(2, kind, 1, 141)
-    assert alone.returncode == together.returncode == 0, together.stderr
-    messages = watchdog_messages(alone.stdout)
-    assert watchdog_messages(together.stdout) == messages and len(messages) >= 2
+def test_a_fault_is_seen_and_repaired_alike(repaired, kind):
+    (alone, together), folder = repaired
+    messages = watchdog_messages(alone[kind])
+    assert watchdog_messages(together[kind]) == messages and len(messages) >= 2
     seen = "step 142" if kind == "refused" else "step 150"  # a refusal does not wait for the next look
     assert FAULTS[kind] in messages[0] and seen in messages[0] and "back to step 0 with 0.5" in messages[1]
     assert kind != "refused" or "refuses the step (Elastic: it is tired)" in messages[0]
-    with h5py.File(one / "scene.vtkhdf") as a, h5py.File(two / "scene.vtkhdf") as b:
+    one, two = (folder / f"on{ranks}" / kind / "scene.vtkhdf" for ranks in (1, 2))
+    with h5py.File(one) as a, h5py.File(two) as b:
         assert a["Run"].attrs["retries"] == b["Run"].attrs["retries"] == 1
         assert np.array_equal(a["VTKHDF/Points"][:], b["VTKHDF/Points"][:])
         assert np.isfinite(a["VTKHDF/Points"][:]).all() and a["History/time"][-1] == pytest.approx(6e-3, rel=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["nan", "speed"])
-def test_a_lasting_fault_ends_in_the_same_report(spoil, kind):
-    (alone, one), (together, two) = spoil(1, kind, 99, 31), spoil(2, kind, 99, 31)
-    assert alone.returncode == together.returncode == 3
-    assert alone.stderr.strip() == together.stderr.strip() and "Traceback" not in alone.stderr
+@pytest.mark.parametrize("kind", LASTING)
+def test_a_lasting_fault_ends_in_the_same_report(lasting, kind):
+    (alone, together), folder = lasting
+    assert alone[kind].strip() == together[kind].strip() and "Traceback" not in alone[kind]
     for word in ("t = ", "step 31", "point 17 at (", "material 'soil'", "Likely cause", "3 repairs were tried"):
-        assert word in alone.stderr, alone.stderr
-    reports = [(folder / "scene.diagnostic.csv").read_text() for folder in (one, two)]
+        assert word in alone[kind], alone[kind]
+    folders = [folder / f"on{ranks}" / kind for ranks in (1, 2)]
+    reports = [(where / "scene.diagnostic.csv").read_text() for where in folders]
     assert reports[0] == reports[1] and len(reports[0].splitlines()) > 5
-    with h5py.File(two / "scene.vtkhdf") as file:  # what was recorded before stays readable
+    with h5py.File(folders[1] / "scene.vtkhdf") as file:  # what was recorded before stays readable
         assert file["VTKHDF/Steps"].attrs["NSteps"] >= 1

@@ -1,4 +1,4 @@
-"""Split-Hopkinson-bar tests of Mason sand: the command `drive`, and a bar of points struck at its end on two ranks."""
+"""Split-Hopkinson-bar tests of Mason sand: the command `drive`, and a bar of points struck at its end."""
 
 import numpy as np
 import pytest
@@ -24,13 +24,13 @@ def test_driven_point_reaches_the_peak_of_the_model_near_the_measured_one(tmp_pa
     }
 
 
-def test_struck_bar_on_two_ranks_follows_the_driven_point(tmp_path):
+def test_struck_bar_follows_the_driven_point(tmp_path):
     """Apart from its inertia (0.7 MPa) the bar is one point; at the peak it stands still.
 
     The points beside the driven ones strain less, which costs 1.0 % of stress at this spacing.
     """
     point = bars.driven("dry", tmp_path)
-    bar = bars.struck_bar(tmp_path, ranks=2)
+    bar = bars.struck_bar(tmp_path, ranks=1)
     expected = np.interp(bar["time_s"], point["time_s"], -point["stress_xx"])
     peak = expected.max()
     assert bar["struck"].max() == pytest.approx(peak, rel=1.5e-2)
