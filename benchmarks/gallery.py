@@ -41,7 +41,7 @@ had at first. All of this page is made by `python -m benchmarks gallery`; times 
 
 def run(scene: Path, folder: Path) -> float | None:
     """Run a scene in its folder; s of processor time, None if it was there already."""
-    result, copy = folder / f"{scene.stem}.h5", folder / scene.name
+    result, copy = folder / f"{scene.stem}.vtkhdf", folder / scene.name
     if copy.exists() and copy.read_bytes() == scene.read_bytes() and is_finished(result):
         return None
     folder.mkdir(parents=True, exist_ok=True)
@@ -131,7 +131,7 @@ def section(scene: Path, row: dict) -> list[str]:
         f"{row['points']} points, {row['steps']} steps in {duration(float(row['processor_s']))} on one core. The "
         f"fastest point reaches {row['fastest_m_per_s']} m/s,",
         f"and energy is accounted for to {row['energy_unexplained']} of the largest term of its ledger.", "",
-        f"`periporo new {name}`, `periporo {name}.yaml`,", f"`periporo plot {name}.h5 --animate`",
+        f"`periporo new {name}`, `periporo {name}.yaml`,", f"`periporo plot {name}.vtkhdf --animate`",
     ]  # fmt: skip
 
 
@@ -163,7 +163,7 @@ def main(words=None):
         if not fnmatch(scene.stem, arguments.only):
             continue
         folder = arguments.folder.resolve() / scene.stem
-        result = folder / f"{scene.stem}.h5"
+        result = folder / f"{scene.stem}.vtkhdf"
         seconds = None if arguments.draw else run(scene, folder)
         if seconds is None and scene.stem in rows:
             seconds = float(rows[scene.stem]["processor_s"])

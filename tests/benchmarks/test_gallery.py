@@ -44,7 +44,7 @@ def test_a_scene_is_run_once_drawn_and_described(scenes):
     for name in ("block", "block_still"):
         picture = scenes / "figures" / "gallery" / f"{name}.png"
         assert f"]: figures/gallery/{name}.png\n" in page and 5_000 < picture.stat().st_size < gallery.LARGE
-    result = scenes / "runs" / "block" / "block.h5"
+    result = scenes / "runs" / "block" / "block.vtkhdf"
     before = result.stat().st_mtime_ns
     gallery.main(words)
     assert result.stat().st_mtime_ns == before and (scenes / "gallery.md").read_text() == page
