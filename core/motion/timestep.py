@@ -82,14 +82,18 @@ def damped_limit(sim, frequency: float) -> float:
     against the uneven part of the rate, which is up to twice the rate. The damping force is that of the velocity half a
     step earlier, so it shortens the step. Infinite without viscosity.
     """
-    if sim.scheme.viscosity == 0.0 or all(block.keeps_all for block in sim.bonds.blocks):
+    flowing = [block for block in sim.bonds.blocks if block.opening is not None and not block.keeps_all]
+    if sim.scheme.viscosity == 0.0 or not flowing:
         return math.inf
-    slowness = 0.0
-    for block in sim.bonds.blocks:
-        if block.active.any():
-            bulk, shear = (m[block.active].max() for m in block.elastic_moduli())
-            slowness = max(slowness, math.sqrt(block.material.density / (bulk + 4.0 / 3.0 * shear)))
-    zeta = sim.scheme.viscosity * frequency * sim.spacing * maximum(sim.comm, slowness)
+    fastest = 0.0  # square of the speed of P waves
+    for block in flowing:
+        bulk, shear = block.elastic_moduli()
+        stiffest = float((bulk + 4.0 / 3.0 * shear)[block.active].max(initial=0.0))
+        fastest = max(fastest, stiffest / block.material.density)
+    fastest = maximum(sim.comm, fastest)
+    if fastest == 0.0:
+        return math.inf
+    zeta = sim.scheme.viscosity * frequency * sim.spacing / math.sqrt(fastest)
     return _DAMPED * (math.sqrt(1.0 + zeta * zeta) - zeta)
 
 
