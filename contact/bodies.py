@@ -1,122 +1,179 @@
-"""Contact between two deformable bodies: penalty along the interface's normal, Coulomb stick-slip along it.
+"""Contact between deformable bodies: an elastic energy of their faces, and Coulomb stick-slip along them.
 
-Forces between single points along the line that joins them would make any interface as rough as a row of
-points: at a distance of one spacing it interlocks even without friction. Here the two bodies' own normals make
-the interface smooth. A point's normal is the direction in which its body's neighbours are missing,
+Two points of different bodies touch if no face of either separates them (`periporo.contact.faces`). How far a face of
+point i separates them is xi.n_i - d_i - d_j, with the depth d_j of the other's own face times the cosine between them;
+the largest of these, g, is their gap, that of two balls |xi| less a spacing. Each pair has the energy
 
-    a_i = sum_j w V_j xi_ij / (delta sum_j w V_j),  w = 1 - |xi|^2/delta^2,
+    k s_i s_j W(t) g^2 / 2  for g < 0,  t^2 = |xi|^2 - (g + d_i + d_j)^2,
 
-(it points into the body, and vanishes in its interior; the wide w makes it ten times less sensitive to ripples of the
-surface than the scheme's influence),
+s being a point's share of its surface and W the cubic B-spline of four spacings' width, which adds up to one over the
+points that face another. All forces are the slopes of this energy, those through the turning and the stretching of
+faces included. So contact gives back what it took, whatever the surfaces look like.
 
-and a pair's normal n, from the first to the second, is along -a_i or a_j: the one that sees the points farther
-apart, xi.n, since two bodies are apart when the surface of one of them separates them, and a corner's normal says
-nothing about the face that it stands on. Where a falls below 0.1 the line between the points, xi, makes up for the
-rest. With overlap h = spacing - xi.n and the distance t across the normal, the pair's normal force is
-k c (1 - |t|/spacing) h n: the hats of a flat lattice add up to one in the plane, and to pi/3 on average in space,
-which c makes good. It comes with the small force across the normal that makes the pair's energy
-k c (1 - |t|/spacing) h^2 / 2 a potential.
-The tangential force is a spring of the same stiffness from where the pair began to stick, cut to friction times
-the normal force. Forces on the two points are opposite.
+Friction: every point has one spring to what it touches, from where it began to stick, in the mean of its pairs' slips,
+weighted by their pressures. It has half of the stiffness along a face, the other half being that of the partners'
+springs, and is cut to friction times half of the pressure; so is what it holds shared out. Slip is that of the faces:
+what turns together does not slip.
 """
 
 import numpy as np
 
-from periporo.core.numerics.jit import inlined, kernel
+from periporo.contact.entry import elastic_force
+from periporo.contact.faces import Faces
+from periporo.contact.gaps import WIDTH, find_gap, find_slip, gap_rate, spline, weigh
+from periporo.core.numerics.jit import kernel
 from periporo.core.points.forces import ForceChannels
 from periporo.core.points.neighbours import find_pairs
 from periporo.core.points.particles import Field, Particles
 from periporo.core.ranks.reductions import any_rank, maximum, minimum
+from periporo.errors import ContactError
 
-_PARTNERS = {2: 12, 3: 32}  # points of the other body that a point can touch at once
-_SURFACE = 0.1  # |a| from which on a point is at its body's surface; it is about 0.2 at a flat one
+_ALONG = 0.5  # stiffness along a face over that along its normal
+_SOON = 0.5  # spacings of a gap within which a pair counts as one that may touch soon
+_OPPOSITE = 0.6  # t up to which the overlap of a pair is one of the bodies, not of a point with a corner
+_TOUCH = 1e-9  # spacings of an overlap that presses
+_MOST = 0.5  # spacings by which bodies may overlap when their contact appears in the course of a run
 
 
 class BodiesContact:
-    """Contact of all points of body number `first` with those of body number `second`.
+    """Contact between bodies: `stiffness` N/m of two points that face each other, `friction` coefficient and `damping`,
+    share of critical damping along the normal, are arrays by the two bodies' numbers; 0 N/m where two do not touch.
 
-    `stiffness` N/m of a pair of facing points, `friction` coefficient, `damping` share of critical damping along the
-    normal; `sim` is the simulation that it belongs to. Each point keeps the springs to the points that it touches,
-    by their ids, so that they follow it through rebuilds and to other ranks. Needs the channels `contact` and
-    `friction`.
+    `faces` of the bodies' points, which contacts share. Needs the channels `contact` and `friction`.
     """
 
-    def __init__(self, name, first, second, *, sim, stiffness, friction, damping=0.0):
-        self.first, self.second = first, second
-        self.stiffness = stiffness
-        self.friction = friction
-        self.damping = damping
-        self._sim = sim
-        self._spacing = sim.spacing
+    def __init__(self, faces: Faces, stiffness, friction, damping):
+        self.stiffness, self.friction, self.damping = stiffness, friction, damping
+        self.faces = faces
+        self._sim = faces.sim
         self._ids = None  # of the rebuild that the pairs belong to
+        self._renewed_in = -1  # rebuild
         self._present = False  # whether there are pairs on any rank
         self._ends = np.empty((2, 0), np.uint32)
-        self.partner, self.spring, self.normal = (f"{k}_{name}" for k in ("partner", "pair_spring", "body_normal"))
+        self._pressure, self._arm = np.empty(0), np.empty((0, 0))
 
     def attach(self, p: Particles, forces: ForceChannels) -> None:
-        """Declare what the points keep of their partners, their normals, and the force channels."""
-        slots = _PARTNERS[p.dimension]
-        p.add_field(Field(self.partner, slots, "", sent=False, dtype=np.int64))  # id + 1 of a partner, 0 is free
-        p.add_field(Field(self.spring, slots * p.dimension, "m", sent=False))
-        # normal, and the mass, which ghosts lack otherwise
-        p.add_field(Field(self.normal, p.dimension + 1, "1, kg", migrates=False))
+        """Declare what the points keep, and the force channels."""
+        d = p.dimension
+        if "face" not in p.fields:
+            self.faces.attach(p)
+            p.add_field(Field("face_spring", d, "m", sent=False))
+            p.add_field(Field("face_mass", None, "kg", migrates=False))  # which ghosts lack otherwise
+            p.add_field(Field("face_drag", d, "1", migrates=False))  # spring force over normal force
         forces.need("contact")
         forces.need("friction")
 
-    def add_force(self, p: Particles, time: float, dt: float) -> None:
-        """Add normal and friction force; velocities are those of the middle of the step.
+    def appear(self, p: Particles, time: float, before: list) -> None:
+        """Begin to act, after a stage with the contacts `before`.
 
-        Raises RuntimeError if a point touches more points than it can keep in mind.
+        What overlaps between bodies that did not touch so far presses from here on. Raises ContactError if it is more
+        than half a spacing. Collective.
         """
-        self._find_pairs(p)
+        known = np.zeros_like(self.stiffness)
+        for contact in before:
+            if isinstance(contact, BodiesContact):
+                known = np.maximum(known, contact.stiffness)
+        new = (self.stiffness > 0.0) & (known == 0.0)
+        self._look(p)
+        self._refuse(p, self._overlaps(p, new, _OPPOSITE))
+        self._draw_back(p, new, np.ones(p.total, bool), 0.5)
+
+    def _refuse(self, p, overlap):
+        deepest = maximum(self._sim.comm, float(overlap[: p.owned].max(initial=0.0)))
+        if deepest > _MOST * self._sim.spacing:
+            raise ContactError(
+                f"bodies overlap by {deepest:.3g} m when their contact appears, more than half a spacing: let it "
+                "appear before they meet, or move them apart"
+            )
+
+    def deepest_overlaps(self, p: Particles) -> list[tuple[int, int, float, list[float]]]:
+        """Pairs of bodies (numbers) that overlap at present, how far (m), and where; collective."""
+        self._look(p)
+        found = []
+        for first, second in zip(*np.nonzero(np.triu(self.stiffness)), strict=True):
+            pair = np.zeros_like(self.stiffness, bool)
+            pair[first, second] = pair[second, first] = True
+            overlap = self._overlaps(p, pair, _OPPOSITE)[: p.owned]
+            worst = int(overlap.argmax()) if p.owned else -1
+            mine = (overlap[worst], p.position[worst].tolist()) if p.owned else (0.0, [])
+            deepest, place = max(self._sim.comm.allgather(mine))
+            if deepest > 0.0:
+                found.append((int(first), int(second), float(deepest), place))
+        return found
+
+    def add_force(self, p: Particles, time: float, dt: float) -> None:
+        """Add normal and friction force; velocities are those of the middle of the step. Collective."""
+        self._look(p)
         if not self._present:
             return
-        pairs, normal = self._sim.bonds.pairs, getattr(p, self.normal)
-        near = np.zeros(p.total, np.bool_)
-        near[self._ends.ravel()] = True
-        _body_normals(
-            near, p.owned, pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.mass,
-            self._sim.scheme.horizon, normal, p.dim,
+        self.faces.move(p, dt)
+        self._renew(p)
+        p.face_moment[:] = 0.0
+        sums = np.zeros((p.owned, 3 + 2 * p.dimension))
+        _normal_force(
+            self._ends[0], self._ends[1], p.owned, p.body, p.position, p.velocity, p.face, p.face_gradient,
+            p.face_mass, dt, _SOON * self._sim.spacing, self._sim.spacing, self.stiffness, self.friction,
+            self.damping, self._pressure, self._arm,
+            sums, p.contact_force, p.friction_force, p.face_moment, p.dim,
         )  # fmt: skip
-        self._sim.halo.update(p, self.normal)
-        full = _pair_force(
-            self._ends[0], self._ends[1], p.owned, p.id, p.position, p.velocity, normal, dt, self._spacing,
-            self.stiffness, self.friction, self.damping, getattr(p, self.partner), getattr(p, self.spring),
-            p.contact_force, p.friction_force, p.dim,
-        )  # fmt: skip
-        if full >= 0:
-            raise RuntimeError(
-                f"contact of bodies: point {p.id[full]} at {p.position[full]} touches more than "
-                f"{_PARTNERS[p.dimension]} points of the other body; raise the contact's stiffness"
-            )
+        if self.friction.any():
+            _stretch_springs(sums, dt, p.face_spring, p.face_drag, p.dim)
+            self._sim.halo.update(p, "face_drag")
+            _friction_force(
+                self._ends[0], self._ends[1], self._pressure, self._arm, p.face_drag, p.friction_force, p.face_moment,
+                p.dim,
+            )  # fmt: skip
+        self.faces.spread(p, p.contact_force, p.friction_force)
 
     def add_stiffness(self, p: Particles, time: float, stiffness: np.ndarray) -> None:
         """Add the contact's stiffness (N/m) to `stiffness` (owned,) of the points that may touch."""
-        self._find_pairs(p)
-        square = ((p.position[self._ends[1]] - p.position[self._ends[0]]) ** 2).sum(axis=1)
-        ends = np.unique(self._ends[:, square < 2.0 * self._spacing**2])
-        # a pair of equal points has twice the square frequency of a point at a wall
-        stiffness[ends[ends < p.owned]] += 2.0 * self.stiffness
+        self._look(p)
+        _add_stiffness(
+            self._ends[0], self._ends[1], p.owned, p.body, p.position, p.face, self._sim.spacing, self.stiffness,
+            stiffness, p.dim,
+        )  # fmt: skip
 
-    def _find_pairs(self, p):
+    def resist(self, p: Particles, time: float, dt: float, force: np.ndarray) -> None:
+        """Add to `force` (total, d) what pairs that may touch soon hold against a motion with `velocity` for `dt`."""
+        self._look(p)
+        if not self._present:
+            return
+        self.faces.find_gradients(p)
+        p.face_moment[:] = 0.0
+        _resist(
+            self._ends[0], self._ends[1], p.body, p.position, p.velocity, p.face, p.face_gradient, dt,
+            self._sim.spacing, self.stiffness, self.friction, force, p.face_moment, p.dim,
+        )  # fmt: skip
+        self.faces.spread(p, force)
+
+    def _look(self, p):
         """Pairs that may touch before the next rebuild, in the order of their ids; none if the bodies are far apart."""
         if self._ids is p.id:
             return
         self._ids = p.id
-        reach = np.sqrt(2.0) * self._spacing + self._sim.skin
-        rows = [np.flatnonzero(p.body == b) for b in (self.first, self.second)]
-        boxes = [self._bounds(p.position[r[r < p.owned]]) for r in rows]
-        lower = np.maximum(boxes[0][0], boxes[1][0]) - reach
-        upper = np.minimum(boxes[0][1], boxes[1][1]) + reach
-        self._ends = np.empty((2, 0), np.uint32)
-        if not (lower > upper).any():  # the same on all ranks
-            both = np.concatenate(rows)
-            x = p.position[both]
-            both = both[((x >= lower) & (x <= upper)).all(axis=1)]
-            ends = find_pairs(p, both, np.zeros(p.total, np.int64), reach)
-            self._ends = np.ascontiguousarray(ends[:, p.body[ends[0]] != p.body[ends[1]]])
+        spacing = self._sim.spacing
+        deepest = 2.0 * maximum(self._sim.comm, float(p.face[: p.owned, 1].max(initial=0.5 * spacing)))
+        reach = np.sqrt((WIDTH * spacing) ** 2 + deepest**2) + self._sim.skin
+        ends = find_pairs(p, self._meeting(p, reach), np.zeros(p.total, np.int64), reach)
+        touching = self.stiffness[p.body[ends[0]], p.body[ends[1]]] > 0.0
+        self._ends = np.ascontiguousarray(ends[:, touching])
         self._present = any_rank(self._sim.comm, self._ends.size > 0)
-        self._forget_the_absent(p)
+        n, d = self._ends.shape[1], p.dimension
+        self._pressure, self._arm = np.zeros(n), np.zeros((n, 2 * d))
+        p.face_mass[: p.owned] = p.mass
+        self._sim.halo.update(p, "face_mass")
+        self.faces.follow(p, np.unique(self._ends))
+
+    def _meeting(self, p, reach):
+        """Rows within `reach` of the box around a body that their own body touches."""
+        boxes = [self._bounds(p.position[: p.owned][p.body[: p.owned] == b]) for b in range(len(self.stiffness))]
+        chosen = np.zeros(p.total, bool)
+        for own in range(len(boxes)):
+            rows = np.flatnonzero(p.body == own)
+            x = p.position[rows]
+            for lower, upper in (boxes[b] for b in np.flatnonzero(self.stiffness[own])):
+                chosen[rows] |= ((x >= lower - reach) & (x <= upper + reach)).all(axis=1)
+        return np.flatnonzero(chosen)
 
     def _bounds(self, position):
         """Lower and upper corner (d,) m of all ranks' points."""
@@ -125,164 +182,196 @@ class BodiesContact:
         upper = [maximum(comm, float(position[:, a].max(initial=-np.inf))) for a in axes]
         return np.array(lower), np.array(upper)
 
-    def _forget_the_absent(self, p):
-        """Free the places of partners that are not even near any more."""
-        partner = getattr(p, self.partner)
-        kept = np.zeros(partner.shape, bool)
-        for i, j in (self._ends, self._ends[::-1]):
-            mine = i < p.owned
-            for slot in range(partner.shape[1]):
-                found = partner[i[mine], slot] == p.id[j[mine]] + 1
-                np.logical_or.at(kept[:, slot], i[mine], found)  # a point has several pairs
-        partner[~kept] = 0
-        getattr(p, self.spring).reshape(*partner.shape, p.dimension)[~kept] = 0.0
+    def _renew(self, p):
+        """After a rebuild, faces for points that came to a surface, such that nothing presses that did not before."""
+        sim = self._sim
+        if sim.rebuilt_at != sim.step_number or sim.rebuild_count == self._renewed_in:
+            return
+        self._renewed_in = sim.rebuild_count
+        pairs = self.stiffness > 0.0
+        renewed = self.faces.renew(p, self._overlaps(p, pairs, WIDTH) > _TOUCH * sim.spacing)
+        sim.halo.update(p, "face")
+        self._draw_back(p, pairs, renewed, 1.0)
+
+    def _draw_back(self, p, pairs, rows, part):
+        """Make the depths of the points `rows` (total,) less by this part of their overlaps, so that they vanish."""
+        for _ in range(4):  # faces at an angle need more than one
+            overlap = np.where(rows, part * self._overlaps(p, pairs, WIDTH), 0.0)[: p.owned]
+            p.face[: p.owned, 1 :: 1 + p.dimension] -= overlap[:, None]
+            self._sim.halo.update(p, "face")
+
+    def _overlaps(self, p, pairs, within):
+        """Deepest overlap (total,) m of each point in the `pairs` of bodies; complete for those owned."""
+        deepest = np.zeros(p.total)
+        _find_overlaps(
+            self._ends[0], self._ends[1], p.body, p.position, p.face, self._sim.spacing, pairs,
+            spline(within, p.dimension), deepest, p.dim,
+        )  # fmt: skip
+        return deepest
 
 
 @kernel
-def _body_normals(near, owned, first, second, weight, position, volume, mass, horizon, normal, dim):
-    """a_i and mass of the owned rows that are `near`."""
-    total = np.zeros(normal.shape[0])
-    normal[:] = 0.0
-    for b in range(first.shape[0]):
-        i, j = first[b], second[b]
-        if weight[b] == 0.0 or not (near[i] or near[j]):  # beyond the horizon, or of no concern
-            continue
-        square = 0.0
-        for a in range(len(dim)):
-            square += (position[j, a] - position[i, a]) ** 2
-        w = 1.0 - square / horizon**2
-        total[i] += w * volume[j]
-        total[j] += w * volume[i]
-        for a in range(len(dim)):
-            xi = position[j, a] - position[i, a]
-            normal[i, a] += w * volume[j] * xi
-            normal[j, a] -= w * volume[i] * xi
-    for i in range(owned):
-        normal[i, len(dim)] = mass[i]
-        for a in range(len(dim)):
-            normal[i, a] = normal[i, a] / (horizon * total[i]) if near[i] and total[i] > 0.0 else 0.0
-
-
-@inlined
-def _slot_of(partner, i, key):
-    """The place of partner `key` in row i, else the first free place, else -1."""
-    free = -1
-    for s in range(partner.shape[1]):
-        if partner[i, s] == key:
-            return s
-        if free < 0 and partner[i, s] == 0:
-            free = s
-    return free
-
-
-@inlined
-def _central_part(normal, i, d):
-    """How much of a pair's own direction goes into the normal of point i, for it knows no better: 0 at a surface."""
-    square = 0.0
-    for a in range(d):
-        square += normal[i, a] ** 2
-    size = np.sqrt(square)
-    return 0.0 if size >= _SURFACE else _SURFACE - size
-
-
-@inlined
-def _separating_normal(xi, normal, i, j, d, n):
-    """Fill `n` with the one of the two points' normals that sees them farther apart; how far."""
-    distance, own_size, other_size, own_along, other_along = 0.0, 0.0, 0.0, 0.0, 0.0
-    for a in range(d):
-        distance += xi[a] ** 2
-    distance = np.sqrt(distance)
-    own_central, other_central = _central_part(normal, i, d) / distance, _central_part(normal, j, d) / distance
-    for a in range(d):
-        own, other = own_central * xi[a] - normal[i, a], other_central * xi[a] + normal[j, a]
-        own_size += own**2
-        other_size += other**2
-        own_along += own * xi[a]
-        other_along += other * xi[a]
-    own_size, other_size = np.sqrt(own_size), np.sqrt(other_size)
-    if own_along / own_size >= other_along / other_size:
-        for a in range(d):
-            n[a] = (own_central * xi[a] - normal[i, a]) / own_size
-        return own_along / own_size
-    for a in range(d):
-        n[a] = (other_central * xi[a] + normal[j, a]) / other_size
-    return other_along / other_size
-
-
-@inlined
-def _release(partner, spring, i, slot, d):
-    """Free a place in the memory of point i."""
-    partner[i, slot] = 0
-    for a in range(d):
-        spring[i, slot * d + a] = 0.0
-
-
-@kernel
-def _pair_force(
-    first, second, owned, ids, position, velocity, normal, dt, spacing, stiffness, friction, damping, partner,
-    spring, contact, shear, dim,
-):  # fmt: skip
-    """Add the forces of all pairs; the row of a point without a free place, or -1."""
+def _find_overlaps(first, second, body, position, face, spacing, pairs, least, deepest, dim):
     d = len(dim)
-    level = 1.0 if d == 2 else 3.0 / np.pi
-    xi, n, slip = np.zeros(d), np.zeros(d), np.zeros(d)
+    xi, slope, arm, turn = np.zeros(d), np.zeros(d), np.zeros(2 * d), np.zeros(2 * d * d)
     for b in range(first.shape[0]):
         i, j = first[b], second[b]
-        for a in range(d):
-            xi[a] = position[j, a] - position[i, a]
-        along, across, approach = _separating_normal(xi, normal, i, j, d, n), 0.0, 0.0
-        for a in range(d):
-            approach += (velocity[i, a] - velocity[j, a]) * n[a]
-            across += (xi[a] - along * n[a]) ** 2
-        across = np.sqrt(across)
-        hat = level * (1.0 - across / spacing)
-        overlap = spacing - along
-        here = _slot_of(partner, i, ids[j] + 1) if i < owned else -1
-        there = _slot_of(partner, j, ids[i] + 1) if j < owned else -1
-        # what lies more than a spacing behind the other's surface has other points to push it out
-        if hat <= 0.0 or overlap <= 0.0 or overlap >= 2.0 * spacing:
-            if here >= 0 and partner[i, here] != 0:
-                _release(partner, spring, i, here, d)
-            if there >= 0 and partner[j, there] != 0:
-                _release(partner, spring, j, there, d)
+        if not pairs[body[i], body[j]]:
             continue
-        if i < owned and here < 0:
-            return i
-        if j < owned and there < 0:
-            return j
-        k = stiffness * hat
-        elastic = k * overlap
-        reduced_mass = normal[i, d] * normal[j, d] / (normal[i, d] + normal[j, d])
-        pressure = elastic + 2.0 * damping * np.sqrt(k * reduced_mass) * approach
-        if pressure < 0.0:
-            pressure = 0.0
-        size, along = 0.0, 0.0
-        for a in range(d):  # both ends keep the same spring, that of the lower id against the higher
-            slip[a] = spring[i, here * d + a] if i < owned else spring[j, there * d + a]
-            slip[a] += dt * (velocity[i, a] - velocity[j, a] - approach * n[a])
-            along += slip[a] * n[a]
+        gap = find_gap(position, face, i, j, spacing, xi, slope, arm, turn, d)
+        weight, _ = weigh(xi, gap, face[i, 1] + face[j, 1], spacing, d)
+        if gap < 0.0 and weight > least:
+            deepest[i] = max(deepest[i], -gap)
+            deepest[j] = max(deepest[j], -gap)
+
+
+@kernel
+def _add_stiffness(first, second, owned, body, position, face, spacing, stiffness, total, dim):
+    d = len(dim)
+    xi, slope, arm, turn = np.zeros(d), np.zeros(d), np.zeros(2 * d), np.zeros(2 * d * d)
+    for b in range(first.shape[0]):
+        i, j = first[b], second[b]
+        gap = find_gap(position, face, i, j, spacing, xi, slope, arm, turn, d)
+        if not gap < _SOON * spacing:
+            continue
+        weight, _ = weigh(xi, gap, face[i, 1] + face[j, 1], spacing, d)
+        k = 2.0 * stiffness[body[i], body[j]] * face[i, 0] * face[j, 0] * weight
+        if i < owned:
+            total[i] += k
+        if j < owned:
+            total[j] += k
+
+
+@kernel
+def _resist(
+    first, second, body, position, velocity, face, gradient, dt, spacing, stiffness, friction, force, moment, dim
+):
+    """Force and moments of linear springs in place of all pairs that may touch soon."""
+    d = len(dim)
+    n = d * d
+    xi, slope, arm, turn, slip = np.zeros(d), np.zeros(d), np.zeros(2 * d), np.zeros(2 * n), np.zeros(d)
+    for b in range(first.shape[0]):
+        i, j = first[b], second[b]
+        gap = find_gap(position, face, i, j, spacing, xi, slope, arm, turn, d)
+        if not gap < _SOON * spacing:
+            continue
+        weight, _ = weigh(xi, gap, face[i, 1] + face[j, 1], spacing, d)
+        k = dt * stiffness[body[i], body[j]] * face[i, 0] * face[j, 0] * weight
+        pull = k * gap_rate(velocity, gradient, i, j, slope, turn, d)
+        find_slip(velocity, gradient, i, j, slope, arm, slip, d)
+        along = _ALONG * k if friction[body[i], body[j]] > 0.0 else 0.0
         for a in range(d):
-            slip[a] -= along * n[a]  # the interface may have turned
-            size += slip[a] ** 2
-        size = np.sqrt(size)
-        limit = friction * pressure / k
-        scale = limit / size if size > limit else 1.0
-        # slope of the energy k h^2 / 2 across the normal
-        sideways = 0.5 * stiffness * level * overlap**2 / (spacing * across) if across > 0.0 else 0.0
+            force[i, a] += pull * slope[a] - along * slip[a]
+            force[j, a] -= pull * slope[a] - along * slip[a]
+            for c in range(d):
+                moment[i, a * d + c] += pull * turn[a * d + c] - along * slip[a] * arm[c]
+                moment[j, a * d + c] += pull * turn[n + a * d + c] + along * slip[a] * arm[d + c]
+
+
+@kernel
+def _normal_force(
+    first, second, owned, body, position, velocity, face, gradient, mass, dt, soon, spacing, stiffness, friction,
+    damping, pressures, arms, sums, contact, shear, moment, dim,
+):  # fmt: skip
+    """Add the elastic and the damping force of all pairs, and their moments.
+
+    Fills each pair's pressure and arms, and for each owned point the sums over its pairs: of pressure, friction times
+    pressure, the largest stiffness, pressure times slip (d), pressure times normal (d).
+    """
+    d = len(dim)
+    n = d * d
+    xi, slope, arm, turn, slip = np.zeros(d), np.zeros(d), np.zeros(2 * d), np.zeros(2 * n), np.zeros(d)
+    for b in range(first.shape[0]):
+        i, j = first[b], second[b]
+        pressures[b] = 0.0
+        gap = find_gap(position, face, i, j, spacing, xi, slope, arm, turn, d)
+        if gap >= soon:
+            continue
+        way = dt * gap_rate(velocity, gradient, i, j, slope, turn, d)
+        if gap >= max(way, 0.0):
+            continue
+        reach = face[i, 1] + face[j, 1]
+        weight, steepness = weigh(xi, gap, reach, spacing, d)
+        if weight == 0.0:
+            continue
+        law = stiffness[body[i], body[j]]
+        k = law * face[i, 0] * face[j, 0]
+        reduced = mass[i] * mass[j] / (mass[i] + mass[j])
+        elastic = elastic_force(k * weight, -gap, -way, dt * dt / reduced)
+        sideways = 0.5 * k * min(gap, 0.0) ** 2 * steepness  # d energy/d xi, over xi
+        deeper = -elastic - sideways * (gap + reach)  # d energy/d gap at the same xi
+        viscous = -2.0 * damping[body[i], body[j]] * np.sqrt(k * weight * reduced) * way / dt if dt > 0.0 else 0.0
+        viscous = max(viscous, -elastic) if elastic > 0.0 else 0.0
         for a in range(d):
-            slip[a] *= scale
-            if i < owned:
-                spring[i, here * d + a] = slip[a]
-            if j < owned:
-                spring[j, there * d + a] = slip[a]
-            f = elastic * n[a] + sideways * (xi[a] - (spacing - overlap) * n[a])
+            f = -deeper * slope[a] - sideways * xi[a]
             contact[i, a] -= f
             contact[j, a] += f
-            f = (pressure - elastic) * n[a] + k * slip[a]
+            f = viscous * slope[a]
             shear[i, a] -= f
             shear[j, a] += f
-        if i < owned:
-            partner[i, here] = ids[j] + 1
-        if j < owned:
-            partner[j, there] = ids[i] + 1
-    return -1
+        for side in range(2):
+            p = i if side == 0 else j
+            nearest = sideways * (gap + reach) * face[p, 1]  # through the depth of the first face
+            for a in range(d):
+                for c in range(d):
+                    part = turn[side * n + a * d + c]
+                    moment[p, a * d + c] += deeper * part + nearest * face[p, 2 + a] * face[p, 2 + c]
+                    moment[p, n + a * d + c] -= viscous * part
+        pressure = max(elastic + viscous, 0.0)
+        pressures[b], arms[b] = pressure, arm
+        find_slip(velocity, gradient, i, j, slope, arm, slip, d)
+        for side in range(2):
+            p, sign = (i, 1.0) if side == 0 else (j, -1.0)
+            if p < owned:
+                sums[p, 0] += pressure
+                sums[p, 1] += friction[body[i], body[j]] * pressure
+                sums[p, 2] = max(sums[p, 2], law)
+                for a in range(d):
+                    sums[p, 3 + a] += sign * pressure * slip[a]
+                    sums[p, 3 + d + a] += sign * pressure * slope[a]
+
+
+@kernel
+def _stretch_springs(sums, dt, spring, drag, dim):
+    """Stretch the points' springs by their mean slip; `drag` is the force of the spring over the pressure."""
+    d = len(dim)
+    for i in range(sums.shape[0]):
+        pressure = sums[i, 0]
+        if pressure == 0.0:
+            spring[i, :] = 0.0
+            drag[i, :] = 0.0
+            continue
+        square, along, size = 0.0, 0.0, 0.0
+        for a in range(d):
+            spring[i, a] += dt * sums[i, 3 + a] / pressure
+            square += sums[i, 3 + d + a] ** 2
+            along += spring[i, a] * sums[i, 3 + d + a]
+        for a in range(d):
+            if square > 0.0:
+                spring[i, a] -= along / square * sums[i, 3 + d + a]  # the interface may have turned
+            size += spring[i, a] ** 2
+        size = np.sqrt(size)
+        k = 0.5 * _ALONG * sums[i, 2]
+        limit = 0.5 * sums[i, 1] / k
+        scale = limit / size if size > limit else 1.0
+        for a in range(d):
+            spring[i, a] *= scale
+            drag[i, a] = k * spring[i, a] / pressure
+
+
+@kernel
+def _friction_force(first, second, pressures, arms, drag, shear, moment, dim):
+    d = len(dim)
+    n = d * d
+    for b in range(first.shape[0]):
+        pressure = pressures[b]
+        if pressure == 0.0:
+            continue
+        i, j = first[b], second[b]
+        for a in range(d):
+            f = pressure * (drag[j, a] - drag[i, a])
+            shear[i, a] += f
+            shear[j, a] -= f
+            for c in range(d):
+                moment[i, n + a * d + c] += f * arms[b, c]
+                moment[j, n + a * d + c] -= f * arms[b, d + c]

@@ -31,6 +31,9 @@ class Repulsion:
         """Declare the force channel."""
         forces.need("contact")
 
+    def appear(self, p: Particles, time: float, before: list) -> None:
+        """Begin to act: nothing to be done."""
+
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Add the repulsion of all pairs."""
         _repel(
@@ -40,6 +43,9 @@ class Repulsion:
 
     def add_stiffness(self, p: Particles, time: float, stiffness) -> None:
         """Nothing: the spring is too soft to matter for the time step."""
+
+    def resist(self, p: Particles, time: float, dt: float, force) -> None:
+        """Nothing, as above."""
 
 
 @kernel

@@ -20,7 +20,7 @@ class RigidContact:
     """Contact of all points with one rigid surface.
 
     `stiffness` N/m per point, `friction` coefficient, `damping` share of critical damping along the normal,
-    `velocity` (d,) m/s of the obstacle, which is where its surface says at time 0. Only points that were within
+    `velocity` (d,) m/s of the obstacle, which is where its surface says when it appears. Only points that were within
     the contact's reach plus `skin` m when the neighbours were found are looked at. Needs the force channels
     `contact` and `friction`.
     """
@@ -36,6 +36,7 @@ class RigidContact:
         self.velocity = velocity
         self.spring = f"contact_spring_{name}"
         self._time: float | None = None
+        self._since = 0.0  # s, when it appeared
         self._chosen = None, None, None  # point ids, obstacle's shift, rows near it
 
     def attach(self, p: Particles, forces: ForceChannels) -> None:
@@ -43,6 +44,10 @@ class RigidContact:
         p.add_field(Field(self.spring, p.dimension, "m", sent=False))
         forces.need("contact")
         forces.need("friction")
+
+    def appear(self, p: Particles, time: float, before: list) -> None:
+        """Begin to act, where its entry says."""
+        self._since = time
 
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Add normal and friction force; velocities are those of the middle of the step."""
@@ -73,16 +78,22 @@ class RigidContact:
         points, cells = self.surface.outline(middle - shift, size)
         return points + shift, cells
 
+    def resist(self, p: Particles, time: float, dt: float, force: np.ndarray) -> None:
+        """Add to `force` (total, d) what holds the points against a motion with `velocity` for `dt`, at most."""
+        stiffness = np.zeros(p.owned)
+        self.add_stiffness(p, time, stiffness)
+        force[: p.owned] -= dt * stiffness[:, None] * p.velocity[: p.owned]
+
     def memory(self) -> dict:
         """What a checkpoint keeps."""
-        return {"time": self._time}
+        return {"time": self._time, "since": self._since}
 
     def recall(self, memory: dict) -> None:
         """Go on from there."""
-        self._time = memory["time"]
+        self._time, self._since = memory["time"], memory["since"]
 
     def _shift(self, p, time):
-        return np.zeros(p.dimension) if self.velocity is None else time * self.velocity
+        return np.zeros(p.dimension) if self.velocity is None else (time - self._since) * self.velocity
 
     def _near(self, p, shift):
         """Rows that may touch before points or obstacle have moved half of the skin, or that did."""

@@ -45,6 +45,9 @@ class ShortRangePublished:
         forces.need("contact")
         forces.need("friction")
 
+    def appear(self, p: Particles, time: float, before: list) -> None:
+        """Begin to act: nothing to be done."""
+
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Add repulsion and friction; velocities are those of the middle of the step."""
         _short_range_force(
@@ -62,6 +65,12 @@ class ShortRangePublished:
     def outline(self, p: Particles, time: float, middle, size):
         """How the substrate is drawn, see `Surface.outline`."""
         return self._box.outline(middle, size)
+
+    def resist(self, p: Particles, time: float, dt: float, force: np.ndarray) -> None:
+        """Add to `force` (total, d) what holds the points against a motion with `velocity` for `dt`, at most."""
+        stiffness = np.zeros(p.owned)
+        self.add_stiffness(p, time, stiffness)
+        force[: p.owned] -= dt * stiffness[:, None] * p.velocity[: p.owned]
 
 
 @inlined

@@ -282,6 +282,9 @@ class Simulation:
         self.confirm()
         for prepare in self.preparations:
             prepare(self)
+        for contact in self.contacts:
+            contact.appear(self.particles, self.time, [])
+        self.apply_loads(0.0)
         self.rate_independent = False
         self.bonds.initial_stress = None  # from now on, a row without a past is a point that lands
         self.ledger = Ledger(self.comm, self.particles, departures=self.departures)

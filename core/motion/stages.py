@@ -26,6 +26,10 @@ class Stage(ABC):
                 observer.resume_stage(sim, self)
         else:
             self._set_out(sim)
+            before = sim.stages[max(sim.stage_number - 1, 0)].contacts  # at the start of a run those of the first stage
+            for contact in self.contacts:
+                if contact not in before:
+                    contact.appear(sim.particles, sim.time, before)
             sim.apply_loads(0.0)
             for observer in sim.observers:
                 observer.start_stage(sim, self)

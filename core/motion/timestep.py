@@ -52,8 +52,8 @@ class StableTimeStep:
         local = local_frequency(sim, sim.contacts)
         drifted = not abs(local - self._calibrated_at) <= _DRIFT * self._calibrated_at
         if drifted or sim.step_number >= self._calibrated_in + self._pause:
-            exact, alone = highest_frequency(sim), local_frequency(sim, ())
-            before, self.ratio = self.ratio, exact / alone if alone > 0.0 and exact > 0.0 else 1.0
+            exact = highest_frequency(sim)
+            before, self.ratio = self.ratio, exact / local if local > 0.0 and exact > 0.0 else 1.0
             steady = not drifted and abs(self.ratio - before) <= _STEADY * before
             self._pause = min(2 * self._pause, _SELDOM) if steady else _OFTEN
             self._calibrated_at, self._calibrated_in = local, sim.step_number
@@ -172,6 +172,8 @@ def apply_stiffness(sim, displacement):
         _elastic_stress(bulk, shear, block.strain_increment, block.stress)
     force = np.zeros((p.total, p.dimension))
     sim.scheme.internal_force(p, sim.bonds, sim.halo, force)
+    for contact in sim.contacts:
+        contact.resist(p, sim.time, dt, force)
     return -force[: p.owned] / dt
 
 

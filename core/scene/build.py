@@ -3,6 +3,7 @@
 import numpy as np
 from mpi4py import MPI
 
+from periporo.contact.faces import FACES, REACH, Faces, hat
 from periporo.core.correspondence.balance import balance, tilt_field
 from periporo.core.correspondence.bond_projected import BondProjected
 from periporo.core.correspondence.point_state import PointState
@@ -18,12 +19,21 @@ from periporo.core.points.departures import Departures
 from periporo.core.points.extent import Extent
 from periporo.core.points.particles import Particles
 from periporo.core.scene.boundaries import build_boundary, region_corners
-from periporo.core.scene.contacts import bonding_groups, build_contact, build_repulsion, is_present, refuse_penetration
+from periporo.core.scene.contacts import (
+    bonding_groups,
+    build_bodies_contact,
+    build_contact,
+    build_repulsion,
+    is_present,
+    refuse_overlaps,
+    refuse_penetration,
+)
 from periporo.core.scene.geostatic import GeostaticStress, uniform_stress
 from periporo.core.simulation import Simulation
 from periporo.core.water.pore_water import PoreWater, retention_curve
 from periporo.errors import InputError, Problem
 from periporo.io.geometry import lattice as geometry
+from periporo.io.geometry.faces import find_faces
 from periporo.io.geometry.origin import relative, scene_origin
 from periporo.io.schema.scene import SceneInput
 
@@ -67,9 +77,13 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
     if water is not None:
         water.attach(particles, sim.halo)
         sim.point_processes.append(water)
-    contacts = [(c, build_contact(scene, c, k, sim)) for k, c in enumerate(scene.contacts)]
-    for _, contact in contacts:
+    contacts = [(c, build_contact(scene, c, k, sim)) for k, c in enumerate(scene.contacts) if c.type != "bodies"]
+    faces = Faces(sim)
+    between = _between_bodies(scene, faces, sim)
+    for contact in (*(c for _, c in contacts), *between.values()):
         contact.attach(particles, sim.forces)
+    if between:
+        sim.preparations += [faces.share_out, lambda sim: refuse_overlaps(scene, between, sim)]
     for stage in scene.stages:
         if stage.type == "dynamics" and stage.damping.viscous > 0.0:
             sim.forces.need("damping")
@@ -85,11 +99,23 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
         sim.bonds.initial_stress = _initial_stress(scene, materials, water, lattices)
         sim.bonds.initial_stress_is_total = water is not None and scene.initial_stress.type == "geostatic"
     sim.stages = [_stage(scene, sim, stage, contacts, lattices) for stage in scene.stages]
-    for prepared in sim.stages:
-        prepared.contacts.append(repulsion)
+    for model, stage in zip(scene.stages, sim.stages, strict=True):
+        stage.contacts += [between[m] for m in [_bodies_models(scene, model)] if m]
+        stage.contacts.append(repulsion)
     if sim.stages:
         sim.contacts, sim.loads = sim.stages[0].contacts, sim.stages[0].loads
     return sim
+
+
+def _bodies_models(scene, stage):
+    """Numbers of the contacts between bodies that are present in a stage."""
+    return tuple(k for k, c in enumerate(scene.contacts) if c.type == "bodies" and is_present(c, stage))
+
+
+def _between_bodies(scene, faces, sim):
+    """A contact for each set of entries that are present together."""
+    sets = dict.fromkeys(filter(None, (_bodies_models(scene, stage) for stage in scene.stages)))
+    return {s: build_bodies_contact(scene, [scene.contacts[k] for k in s], faces, sim) for s in sets}
 
 
 def _place_points(scene, comm, particles, materials, water, lattices):
@@ -115,6 +141,8 @@ def _place_points(scene, comm, particles, materials, water, lattices):
     for field in particles.migrating():
         shape = (len(owned["id"]),) if field.columns is None else (len(owned["id"]), field.columns)
         owned.setdefault(field.name, np.zeros(shape, field.dtype))
+    if "face" in particles.fields:
+        owned["face"] = _faces(scene, owned)
     owned["dilation"] = np.ones(len(owned["id"]))
     owned["initial_position"] = owned["position"].copy()
     owned["reference_position"] = owned["position"].copy()
@@ -127,6 +155,21 @@ def _extent(scene, lattices):
     up = -gravity / strength if strength else np.eye(scene.dimension)[-1]
     lower, upper = np.min([b.lower for b in lattices], axis=0), np.max([b.upper for b in lattices], axis=0)
     return Extent(lower, upper, up + 0.0)  # no minus zero
+
+
+def _faces(scene, owned):
+    """What the points know of the faces of their bodies: see `periporo.contact.faces`."""
+    d, h = scene.dimension, scene.spacing
+    face = np.zeros((len(owned["id"]), 1 + FACES[d] * (1 + d)))
+    for number, body in enumerate(scene.bodies):
+        rows = owned["body"] == number
+        depths, normals = find_faces(body.shape, owned["position"][rows], FACES[d], REACH * h)
+        known = normals[:, 0].any(axis=1)
+        depths[~known, 0] = 0.5 * h  # a ball
+        share = np.where(known, hat(depths[:, 0], h), 1.0)
+        each = np.concatenate([depths[..., None], normals], axis=2)
+        face[rows] = np.column_stack([share, each.reshape(len(share), -1)])
+    return face
 
 
 def _no_points(particles):

@@ -13,6 +13,9 @@ from periporo.core.correspondence.influence import influence
 from periporo.errors import InputError, Problem, place_text
 
 _TOUCH = 0.01  # spacings by which cells and obstacles may overlap when motion begins
+_SOFTER = 0.5  # stiffness of two bodies' contact over that of a layer of points
+_MEET = 0.05  # spacings by which bodies may overlap when their contact appears; what they do presses from there on
+_UNKNOWN = 0.5  # the same where the surface is that of a file's points
 _PUSHED_OUT = 0.6  # the same when relaxation begins
 
 
@@ -33,11 +36,25 @@ def build_contact(scene, model, number: int, sim):
         "friction": model.friction,
         "damping": model.damping,
     }
-    if model.type == "bodies":
-        names = [b.name for b in scene.bodies]
-        return BodiesContact(str(number), names.index(model.first), names.index(model.second), sim=sim, **law)
     velocity = None if model.velocity is None else scene.vector(model.velocity)
     return RigidContact(str(number), _surface(model), spacing=spacing, skin=sim.largest_skin, velocity=velocity, **law)
+
+
+def build_bodies_contact(scene, models, faces, sim) -> BodiesContact:
+    """The contact between bodies that the entries `models` describe; one for two bodies overrules one for all."""
+    n, h = len(scene.bodies), scene.spacing
+    names = [b.name for b in scene.bodies]
+    stiffness, friction, damping = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
+    for model in sorted(models, key=lambda m: m.between is None):
+        k = model.stiffness
+        if k is None:
+            k = _SOFTER * max(_p_wave_modulus(m) for m in sim.materials) / h
+        for first, second in model.pairs(names):
+            both = [names.index(first), names.index(second)]
+            place = both, both[::-1]
+            stiffness[place] = k * h ** (scene.dimension - 1)
+            friction[place], damping[place] = model.friction, model.damping
+    return BodiesContact(faces, stiffness, friction, damping)
 
 
 def is_present(model, stage) -> bool:
@@ -67,6 +84,35 @@ def refuse_penetration(scene, contacts, sim) -> None:
             problems.append(Problem(("contacts", number), _penetration(scene, model, stage, sim.origin, *found)))
     if problems:
         raise InputError("scene", problems)
+
+
+def refuse_overlaps(scene, between, sim) -> None:
+    """Raise InputError, on all ranks alike, if bodies overlap at the start whose contact appears in any stage.
+
+    between: the contacts between bodies by the numbers of their entries.
+    """
+    problems = {}
+    for numbers, contact in between.items():
+        for first, second, overlap, place in contact.deepest_overlaps(sim.particles):
+            bodies = scene.bodies[first], scene.bodies[second]
+            cloudy = any(b.shape.type == "points" for b in bodies)
+            if overlap > (_UNKNOWN if cloudy else _MEET) * scene.spacing:
+                at = place_text(place, sim.origin, 4)
+                number = _entry_of(scene, numbers, bodies)
+                problems[number, first, second] = Problem(
+                    ("contacts", number),
+                    f"the bodies '{bodies[0].name}' and '{bodies[1].name}' overlap by {overlap:.3g} m at ({at}), and "
+                    "would be shot apart; move one of them",
+                )
+    if problems:
+        raise InputError("scene", list(problems.values()))
+
+
+def _entry_of(scene, numbers, bodies):
+    """Which of the entries of these numbers is between two bodies."""
+    names = {b.name for b in bodies}
+    own = [k for k in numbers if {scene.contacts[k].first, scene.contacts[k].second} == names]
+    return (own or [k for k in numbers if scene.contacts[k].between is not None])[-1]
 
 
 def _penetration(scene, model, stage, origin, gap, body, place) -> str:
@@ -120,14 +166,15 @@ def bonding_groups(scene) -> np.ndarray:
     would neither bond nor touch, since they would pass through each other.
     """
     names = [b.name for b in scene.bodies]
-    touching = {frozenset((c.first, c.second)) for c in scene.contacts if c.type == "bodies"}
+    touching = scene.touching_bodies()
     named = scene.bodies_in_contact()
     for pair in combinations(names, 2):
         if named.intersection(pair) and frozenset(pair) not in touching:
             first, second = pair
             message = (
                 f"'{first}' and '{second}' would pass through each other: a body in a contact of type 'bodies' bonds "
-                f"with no other body; add {{type: bodies, first: {first}, second: {second}, friction: ..}}"
+                f"with no other body; add {{type: bodies, first: {first}, second: {second}, friction: ..}}, or say "
+                "between: all"
             )
             raise InputError("scene", [Problem(("contacts",), message)])
     groups = np.zeros(len(names), np.int64)

@@ -34,8 +34,10 @@ def geometry_problems(scene: SceneInput) -> Iterator[Problem]:
     if problems or total > MAX_SITES:
         return
     yield from _domain_problems(scene, lattices, origin)
+    touching = scene.touching_bodies()  # by their faces, wherever their points are
     for k, second in enumerate(lattices):
-        overlapped = [(first, place) for first in lattices[:k] if (place := find_overlap(first, second)) is not None]
+        others = [first for first in lattices[:k] if {first.body.name, second.body.name} not in touching]
+        overlapped = [(first, place) for first in others if (place := find_overlap(first, second)) is not None]
         for first, place in overlapped:
             at = place_text(place, origin, 4)
             message = f"overlaps the body '{first.body.name}': points closer than half a spacing at ({at})"

@@ -138,7 +138,9 @@ def _name_problems(scene: SceneInput) -> Iterator[Problem]:
         if name not in known:
             yield Problem(path, f"there is no {kind} '{name}'; {choice(name, list(known))}")
     for k, contact in enumerate(scene.contacts):
-        if contact.type == "bodies" and contact.first == contact.second:
+        if contact.type == "bodies" and contact.between is not None and len(bodies) < 2:
+            yield Problem(("contacts", k, "between"), "there is one body only; a contact needs two")
+        if contact.type == "bodies" and contact.first is not None and contact.first == contact.second:
             yield Problem(("contacts", k, "second"), "must be another body than 'first'")
 
 
@@ -157,7 +159,7 @@ def _references(scene: SceneInput, bodies: list[str], stages: list[str]) -> Iter
     for k, contact in enumerate(scene.contacts):
         for n, name in enumerate(contact.stages or ()):
             yield ("contacts", k, "stages", n), name, "stage", stages
-        if contact.type == "bodies":
+        if contact.type == "bodies" and contact.between is None:
             yield ("contacts", k, "first"), contact.first, "body", bodies
             yield ("contacts", k, "second"), contact.second, "body", bodies
 

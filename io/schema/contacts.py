@@ -1,5 +1,6 @@
 """Input models of boundary conditions and contacts."""
 
+from itertools import combinations
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -131,11 +132,26 @@ class PolylineContact(_Obstacle):
 
 
 class BodiesContact(_Contact):
-    """Contact between two deformable bodies, which then bond with no other body."""
+    """Contact between two deformable bodies, or between all of them; they then bond with no other body.
+
+    An entry for two bodies overrules one for all.
+    """
 
     type: Literal["bodies"] = key("kind of contact")
-    first: Name = key("name of a body")
-    second: Name = key("name of the other body")
+    first: Name | None = key("name of a body", default=None)
+    second: Name | None = key("name of the other body", default=None)
+    between: Literal["all"] | None = key("all pairs of bodies, in place of first and second", default=None)
+
+    @model_validator(mode="after")
+    def _says_between_whom(self):
+        given = [self.first, self.second].count(None)
+        if given != (0 if self.between is None else 2):
+            raise ValueError("give first and second, or between: all")
+        return self
+
+    def pairs(self, names: list[str]) -> list[tuple[str, str]]:
+        """Pairs of names between which it is, in a scene with bodies of these names."""
+        return [(self.first, self.second)] if self.between is None else list(combinations(names, 2))
 
 
 class Substrate(SceneModel):

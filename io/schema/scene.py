@@ -262,9 +262,14 @@ class SceneInput(SceneModel):
         """A vector entry of the scene as an array (dimension,), zero if it was not given."""
         return np.zeros(self.dimension) if entry is None else np.array(entry, dtype=float)
 
+    def touching_bodies(self) -> set[frozenset[str]]:
+        """Pairs of names of the bodies between which there is a contact in any stage."""
+        pairs = (c.pairs([b.name for b in self.bodies]) for c in self.contacts if c.type == "bodies")
+        return {frozenset(pair) for of_entry in pairs for pair in of_entry}
+
     def bodies_in_contact(self) -> set[str]:
         """Names of the bodies that a bodies contact names: they bond with no other."""
-        return {name for c in self.contacts if c.type == "bodies" for name in (c.first, c.second)}
+        return {name for pair in self.touching_bodies() for name in pair}
 
 
 @cache

@@ -1,0 +1,187 @@
+"""The gap between two points by their faces, with everything that it depends on. For use inside kernels.
+
+A row of `face` is as `periporo.contact.faces` describes it, xi the way from point i to point j. Scratch arrays of a
+pair: `slope` (d,) is d gap/d xi; `arm` (2 d,) the ways from both points to where their faces meet; `turn` (2 d d,) what
+the gap loses by the velocity gradient of either point, d gap/dt = slope.(v_j - v_i) - turn_i : L_i - turn_j : L_j.
+"""
+
+import numpy as np
+
+from periporo.core.numerics.jit import inlined
+
+WIDTH = 2.0
+"""Spacings along a face up to which two points can press on each other."""
+_LEVEL = 1.0, 0.6820926132672204  # of the spline in the plane and in space
+_FACING = 0.05  # cosine from which on two faces can meet
+_BLEND = 0.25  # spacings by which the gaps of the two points' faces may differ for both to count
+
+
+@inlined
+def spline(t, d):
+    """Cubic B-spline of t spacings, 2 to either side; it adds up to one along a row, and over a plane of rows."""
+    level = _LEVEL[d - 2]
+    if t < 1.0:
+        return level * (2.0 / 3.0 - t * t + 0.5 * t**3)
+    return level * (WIDTH - t) ** 3 / 6.0 if t < WIDTH else 0.0
+
+
+@inlined
+def weigh(xi, gap, reach, spacing, d):
+    """W(t) of a pair and dW/dt / t, 1/m^2, with t^2 = |xi|^2 - (gap + reach)^2, or 0 where that is less."""
+    square = -((gap + reach) ** 2)
+    for a in range(d):
+        square += xi[a] ** 2
+    if square < 0.0:
+        return spline(0.0, d), 0.0
+    t, level = np.sqrt(square) / spacing, _LEVEL[d - 2]
+    if t < 1.0:
+        return spline(t, d), level * (1.5 * t - 2.0) / spacing**2
+    if t < WIDTH:
+        return spline(t, d), -level * 0.5 * (WIDTH - t) ** 2 / (t * spacing**2)
+    return 0.0, 0.0
+
+
+@inlined
+def _is_ball(face, i, d):
+    known = False
+    for a in range(d):
+        known = known or face[i, 2 + a] != 0.0
+    return not known
+
+
+@inlined
+def _reach_of(face, i, own, n, d):
+    """How far point i's body reaches along -n, in columns `n` ... of row `own`; which of its faces says so, or -1."""
+    furthest, found = face[i, 1] if _is_ball(face, i, d) else 0.0, -1
+    for s in range((face.shape[1] - 1) // (1 + d)):
+        along = 0.0
+        for a in range(d):
+            along -= face[own, n + a] * face[i, 2 + s * (1 + d) + a]
+        along *= face[i, 1 + s * (1 + d)]
+        if along > furthest:
+            furthest, found = along, s
+    return furthest, found
+
+
+@inlined
+def _separation(xi, face, own, other, sign, d):
+    """Largest gap by the faces of point `own` to `other`, at sign xi from it; which face, and which of the other's."""
+    gap, best, partner = -np.inf, -1, -1
+    for s in range((face.shape[1] - 1) // (1 + d)):
+        n = 2 + s * (1 + d)
+        along, known = 0.0, False
+        for a in range(d):
+            along += sign * xi[a] * face[own, n + a]
+            known = known or face[own, n + a] != 0.0
+        if not known:
+            continue
+        reach, found = _reach_of(face, other, own, n, d)
+        if along - face[own, n - 1] - reach > gap:
+            gap, best, partner = along - face[own, n - 1] - reach, s, found
+    return gap, best, partner
+
+
+@inlined
+def _add_part(xi, face, own, other, best, partner, sign, part, slope, arm, turn, at, away, d):
+    """Add what the face `best` of point `own` has in a gap: `part` of it."""
+    n, o = 2 + best * (1 + d), 2 + max(partner, 0) * (1 + d)
+    depth, far = face[own, n - 1], face[other, o - 1] if partner >= 0 else 0.0
+    along, cosine = 0.0, 0.0
+    for a in range(d):
+        along += (sign * xi[a] + far * face[other, o + a]) * face[own, n + a]
+        cosine += face[own, n + a] * face[other, o + a]
+    for a in range(d):
+        out, far_out = face[own, n + a], face[other, o + a]
+        slope[a] += part * sign * out
+        arm[at * d + a] += part * depth * out
+        arm[away * d + a] += part * (far * far_out if partner >= 0 else -face[other, 1] * out)
+        for c in range(d):
+            across = sign * xi[c] + far * face[other, o + c] - along * face[own, n + c]
+            turn[at * d * d + a * d + c] += part * out * (across + depth * face[own, n + c])
+            across = face[own, n + c] - 2.0 * cosine * face[other, o + c]
+            turn[away * d * d + a * d + c] += part * far * far_out * across
+
+
+@inlined
+def _meet(xi, arm, d):
+    """From ways to the two faces to ways to the place between them."""
+    for a in range(d):
+        sum_of_arms = arm[a] + arm[d + a]
+        arm[a], arm[d + a] = 0.5 * (sum_of_arms + xi[a]), 0.5 * (sum_of_arms - xi[a])
+
+
+@inlined
+def _face_each_other(face, i, j, d):
+    """Whether any faces of two points do; a ball faces everything."""
+    most = 1.0 if _is_ball(face, i, d) or _is_ball(face, j, d) else 0.0
+    for s in range((face.shape[1] - 1) // (1 + d)):
+        for r in range((face.shape[1] - 1) // (1 + d)):
+            cosine = 0.0
+            for a in range(d):
+                cosine -= face[i, 2 + s * (1 + d) + a] * face[j, 2 + r * (1 + d) + a]
+            most = max(most, cosine)
+    return most > _FACING
+
+
+@inlined
+def find_gap(position, face, i, j, spacing, xi, slope, arm, turn, d):
+    """Gap of a pair (m); fills the scratch arrays.
+
+    It is the larger of what the faces of either point say, and the mean where they say the same: neither comes first.
+    Infinite where no faces of the two can meet.
+    """
+    square = 0.0
+    for a in range(d):
+        xi[a] = position[j, a] - position[i, a]
+        square += xi[a] ** 2
+    slope[:] = 0.0
+    arm[:] = 0.0  # first those to either face
+    turn[:] = 0.0
+    if _is_ball(face, i, d) and _is_ball(face, j, d):
+        distance = np.sqrt(square)
+        for a in range(d):
+            slope[a] = xi[a] / distance
+            arm[a], arm[d + a] = face[i, 1] * slope[a], -face[j, 1] * slope[a]
+        _meet(xi, arm, d)
+        return distance - face[i, 1] - face[j, 1]
+    if not _face_each_other(face, i, j, d):
+        return np.inf
+    own, own_face, own_partner = _separation(xi, face, i, j, 1.0, d)
+    other, other_face, other_partner = _separation(xi, face, j, i, -1.0, d)
+    gap, larger, blend = max(own, other), 1.0, _BLEND * spacing
+    apart = abs(own - other) / blend
+    if apart < 1.0:
+        gap -= 0.5 * blend * apart * (1.0 - apart) ** 2
+        larger = 1.0 - 0.5 * (1.0 - apart) * (1.0 - 3.0 * apart)
+    part = larger if own >= other else 1.0 - larger
+    if part != 0.0:
+        _add_part(xi, face, i, j, own_face, own_partner, 1.0, part, slope, arm, turn, 0, 1, d)
+    if part != 1.0:
+        _add_part(xi, face, j, i, other_face, other_partner, -1.0, 1.0 - part, slope, arm, turn, 1, 0, d)
+    _meet(xi, arm, d)
+    return gap
+
+
+@inlined
+def gap_rate(velocity, gradient, i, j, slope, turn, d):
+    """d gap/dt."""
+    rate = 0.0
+    for a in range(d):
+        rate += slope[a] * (velocity[j, a] - velocity[i, a])
+    for c in range(d * d):
+        rate -= turn[c] * gradient[i, c] + turn[d * d + c] * gradient[j, c]
+    return rate
+
+
+@inlined
+def find_slip(velocity, gradient, i, j, slope, arm, slip, d):
+    """Fill `slip` (d,) with how much faster i's face is than j's where they meet, across the slope."""
+    along, square = 0.0, 0.0
+    for a in range(d):
+        slip[a] = velocity[i, a] - velocity[j, a]
+        for c in range(d):
+            slip[a] += gradient[i, a * d + c] * arm[c] - gradient[j, a * d + c] * arm[d + c]
+        along += slip[a] * slope[a]
+        square += slope[a] ** 2
+    for a in range(d):
+        slip[a] -= along / square * slope[a]
