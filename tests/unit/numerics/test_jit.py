@@ -100,6 +100,7 @@ def called_by(function):
 
 def test_the_cache_is_cold_until_a_run_has_compiled(monkeypatch, tmp_path):
     monkeypatch.setattr(jit, "CACHE_ROOT", tmp_path)
+    monkeypatch.setattr(jit, "READY_MADE", None)
     assert not jit.cache_is_warm()
     jit.remember_warm()
     assert jit.cache_is_warm()
