@@ -99,9 +99,9 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
         sim.bonds.initial_stress = _initial_stress(scene, materials, water, lattices)
         sim.bonds.initial_stress_is_total = water is not None and scene.initial_stress.type == "geostatic"
     sim.stages = [_stage(scene, sim, stage, contacts, lattices) for stage in scene.stages]
-    for model, stage in zip(scene.stages, sim.stages, strict=True):
-        stage.contacts += [between[m] for m in [_bodies_models(scene, model)] if m]
-        stage.contacts.append(repulsion)
+    for model, built in zip(scene.stages, sim.stages, strict=True):
+        built.contacts += [between[m] for m in [_bodies_models(scene, model)] if m]
+        built.contacts.append(repulsion)
     if sim.stages:
         sim.contacts, sim.loads = sim.stages[0].contacts, sim.stages[0].loads
     return sim

@@ -151,7 +151,9 @@ class BodiesContact(_Contact):
 
     def pairs(self, names: list[str]) -> list[tuple[str, str]]:
         """Pairs of names between which it is, in a scene with bodies of these names."""
-        return [(self.first, self.second)] if self.between is None else list(combinations(names, 2))
+        if self.first is None or self.second is None:
+            return list(combinations(names, 2))
+        return [(self.first, self.second)]
 
 
 class Substrate(SceneModel):
