@@ -173,7 +173,7 @@ def _falling_error(material, fraction, end, cells, scheme):
 
 
 def stress_work(full=False, scheme=DEFAULT):
-    """V4 (b): work of the stress against work of the internal force; that of flowing points' viscosity is none of it."""
+    """V4 (b): work of the stress against work of the internal force, without the viscosity of flowing points."""
     if isinstance(scheme, dict) and "regular" in scheme:
         scheme = scheme | {"regular": False}
     affine = [_affine_error(n, scheme) for n in (100, 200)]
