@@ -9,7 +9,7 @@
 #                                                      what it has read of it in this process
 #   opened through Python, h5py.File(open(name, "rb")): 2 numbers
 #
-# With HDF5_USE_FILE_LOCKING=TRUE in the reader's environment, and the writer's, the file that is being written cannot be
+# With HDF5_USE_FILE_LOCKING=TRUE in the environment of reader and writer, the file that is being written cannot be
 # opened by name at all, though locking=False was asked for ("unable to lock file"); through Python it can.
 #
 # Seen with Python 3.11, h5py 3.16.0 (HDF5 2.0.0), numpy 2.4.6, on Linux. Exits 0 if that is still so, not 0 if it has
