@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from periporo.core.numerics import tensors
+from periporo.core.numerics import cells, tensors
 from periporo.io.output.results import ResultError
 
 DEFAULT_FIELD = "equivalent_shear_strain"
@@ -15,6 +15,9 @@ STYLE = {"font.size": 10, "axes.titlesize": 11, "axes.labelsize": 10, "legend.fr
 _AXES = "xyz"
 _COLOURS = "viridis"
 _CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])  # of a square, over half its side
+
+
+_FACES = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))  # of a hexahedron
 
 
 def require_matplotlib():
@@ -144,6 +147,7 @@ class PointPicture:
         self.figure, self.axes, self._bar = self._lay_out(Figure)
         prepared = [self._prepare(axes, view) for axes, view in zip(self.axes, self.views, strict=True)]
         self.points, self.squares = zip(*prepared, strict=True)
+        self.obstacles = [self._prepare_obstacles(axes) for axes in self.axes]
         self.colour_bar = None
 
     def show(self, step):
@@ -152,7 +156,12 @@ class PointPicture:
         step = results.output(step)
         position = results.positions(step)
         values, label = colour_values(results, self.field, step)
-        limits = self.limits or colour_limits(values)
+        names = names_of(results, self.field)
+        limits = (0, max(len(names) - 1, 1)) if names else self.limits or colour_limits(values)
+        faces, lines = faces_and_lines(results.obstacles(step))
+        for view, (areas, edges) in zip(self.views, self.obstacles, strict=True):
+            areas.set_verts([face[:, [view.across, view.up]] for face in faces])
+            edges.set_segments([line[:, [view.across, view.up]] for line in lines])
         for view, points, squares in zip(self.views, self.points, self.squares, strict=True):
             order = view.nearest_last(position)
             centres = position[order][:, [view.across, view.up]]
@@ -222,16 +231,51 @@ class PointPicture:
         axes.add_collection(squares, autolim=False)
         return points, squares
 
+    def _prepare_obstacles(self, axes):
+        """What `show` fills with the obstacles of a view: areas, and lines."""
+        from matplotlib.collections import LineCollection, PolyCollection
+
+        areas = PolyCollection([], facecolors="0.9", edgecolors="0.45", linewidths=1.0, zorder=0)
+        edges = LineCollection([], colors="0.45", linewidths=1.6, zorder=0)
+        axes.add_collection(areas, autolim=False)
+        axes.add_collection(edges, autolim=False)
+        return areas, edges
+
     def _add_colour_bar(self, label, values):
         low, high = self.points[0].get_clim()
         below, above = np.nanmin(values) < low, np.nanmax(values) > high
         ends = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}
         self.colour_bar = self.figure.colorbar(self.points[0], cax=self._bar, orientation="horizontal",
                                                extend=ends[bool(below), bool(above)])
-        self.colour_bar.formatter.set_powerlimits((-2, 4))
-        self.colour_bar.formatter.set_useMathText(True)
+        names = names_of(self.results, self.field)
+        if names:
+            self.colour_bar.set_ticks(range(len(names)), labels=names)
+        else:
+            self.colour_bar.formatter.set_powerlimits((-2, 4))
+            self.colour_bar.formatter.set_useMathText(True)
         self.colour_bar.set_label(label)
         self.colour_bar.outline.set_visible(False)
+
+
+def names_of(results, field):
+    """Names of the materials, or bodies, that the numbers of a field stand for; none for other fields."""
+    scene = results.configuration
+    if field == "material":
+        return list(scene.get("materials", ()))
+    return [body["name"] for body in scene.get("bodies", ())] if field == "body" else []
+
+
+def faces_and_lines(obstacles):
+    """Flat faces, and open lines, of obstacles: corners (k, 3) m of each."""
+    faces, lines = [], []
+    for _, kind, corners in obstacles:
+        if kind == cells.HEXAHEDRON:
+            faces += [corners[list(face)] for face in _FACES]
+        elif kind in (cells.LINE, cells.POLY_LINE):
+            lines.append(corners)
+        else:
+            faces.append(corners)
+    return faces, lines
 
 
 def extent_of(results, outputs):

@@ -99,15 +99,16 @@ def plot_run(path, out=None, animate=False, *, field=None, step=-1):
     """Make the pictures of a result file that it has the data for; the list of files written.
 
     out: folder, by default that of the result file. The files are named after it: `run_deposit.png`, or with a `field`
-    for example `run_stress.yy.png`; `run_histories.png`, `run_energy.png`, and with `animate` `run_movie.mp4`, or
-    `.gif` without ffmpeg.
+    for example `run_stress.yy.png`, of another output than the last `run_deposit_0012.png`; `run_histories.png`,
+    `run_energy.png`, and with `animate` `run_movie.mp4`, or `.gif` without ffmpeg.
     """
     path = Path(path)
     folder = Path(out) if out is not None else path.parent
     with open_results(path) as results:
-        results.output(step)  # fails before anything is written
+        number = results.output(step)  # fails before anything is written
         folder.mkdir(parents=True, exist_ok=True)
-        files = [folder / f"{path.stem}_{'deposit' if field is None else field}.png"]
+        ending = "" if step == -1 else f"_{number:04d}"
+        files = [folder / f"{path.stem}_{'deposit' if field is None else field}{ending}.png"]
         plot_deposit(results, files[0], step, field)
         names = set(results.history_names)
         if names - {"step", "time", *_BALANCE}:

@@ -1,12 +1,16 @@
 """Pictures and movies: what is drawn where, and that the files hold it."""
 
 import argparse
+import json
 
 import h5py
 import numpy as np
 import pytest
+from mpi4py import MPI
 
+from periporo.core.numerics import cells
 from periporo.io.output.results import ResultError, open_results
+from periporo.io.output.writer import ResultWriter
 from periporo.io.pictures import drawing, plots
 from periporo.io.pictures.animation import animate_run
 
@@ -162,7 +166,7 @@ def test_run_makes_all_pictures(tmp_path, heap):
     plots.add_arguments(parser)
     words = [str(path), "--out", str(tmp_path / "out"), "--field", "velocity", "--step", "1"]
     assert plots.run(parser.parse_args(words)) == 0
-    assert not np.array_equal(pixels(tmp_path / "out" / "run_velocity.png"), pixels(files[0]))
+    assert not np.array_equal(pixels(tmp_path / "out" / "run_velocity_0001.png"), pixels(files[0]))
 
 
 def test_pictures_that_the_file_has_no_data_for(tmp_path, heap):
@@ -200,3 +204,35 @@ def test_missing_matplotlib_is_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(ImportError, match=r"pip install 'periporo\[plot\]'"):
         drawing.require_matplotlib()
+
+
+def test_obstacles_are_drawn_and_materials_have_names(tmp_path):
+    """A wall, a step and a floor beside two points, of which the lower is clay."""
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    outlines = {0: (square[:2], [(cells.LINE, (0, 1))]), 1: (square, [(cells.QUAD, range(4))]),
+                2: (square[:3], [(cells.POLY_LINE, range(3))])}  # fmt: skip
+    scene = {"spacing": 0.5, "gravity": [0, -9.81], "materials": {"clay": {}, "sand": {}}, "bodies": [{"name": "all"}]}
+    with ResultWriter(tmp_path / "run.vtkhdf", MPI.COMM_SELF, dimension=2, fields={"material": (1, "")},
+                      attributes={"configuration": json.dumps(scene)}, obstacles=True) as writer:  # fmt: skip
+        for k in range(2):
+            shifted = cells.joined({n: (points + [0.25 * k, 0.0], parts) for n, (points, parts) in outlines.items()})
+            writer.write(float(k), k, [0, 1], [[2.0, 0.25], [2.0, 0.75]], {"material": [0.0, 1.0]}, shifted)
+    with open_results(tmp_path / "run.vtkhdf") as results:
+        numbers, kinds, corners = zip(*results.obstacles(1), strict=True)
+        assert numbers == (0, 1, 2) and kinds == (cells.LINE, cells.QUAD, cells.POLY_LINE)
+        assert corners[1][:, :2] == pytest.approx(square + [0.25, 0.0])
+        picture = drawing.PointPicture(results, "material")
+        for step, shift in ((0, 0.0), (1, 0.25)):
+            picture.show(step)
+            areas, edges = picture.obstacles[0]
+            assert [len(line) for line in edges.get_segments()] == [2, 3] and len(areas.get_paths()) == 1
+            assert areas.get_paths()[0].vertices[:4] == pytest.approx(square + [shift, 0.0])
+        assert [label.get_text() for label in picture.colour_bar.ax.get_xticklabels()] == ["clay", "sand"]
+        assert drawing.names_of(results, "body") == ["all"] and drawing.names_of(results, "stress") == []
+
+
+def test_faces_of_a_hexahedron_enclose_it():
+    corners = np.array([[x, y, z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], float)
+    faces, lines = drawing.faces_and_lines([(0, cells.HEXAHEDRON, corners)])
+    assert len(faces) == 6 and not lines
+    assert sum(np.linalg.norm(np.cross(f[2] - f[0], f[3] - f[1])) / 2 for f in faces) == pytest.approx(6.0)
