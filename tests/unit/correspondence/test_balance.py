@@ -108,7 +108,8 @@ def test_the_measured_frequency_leaves_tilts_alone(block):
 def test_a_column_of_displaced_points_collapses_as_without_and_comes_to_rest(scheme, scene_of, cam_clay_input):
     """Where soil flows tilts are of no use, but do no harm."""
     stages = [{"name": "collapse", "type": "dynamics", "duration": 1.0, "stop_when_at_rest": 1e-6}]
-    scene = scene_of(counts=(8, 8), materials=cam_clay_input, stages=stages)
+    soft = {"bulk_modulus": 2.5e6, "shear_modulus": 1.5e6}  # long steps; its weight still strains it by a thousandth
+    scene = scene_of(counts=(8, 8), materials=cam_clay_input | soft, stages=stages)
     scene["bodies"][0]["jitter"] = 0.1
     scene["contacts"][0]["damping"] = 0.2
     scene["initial_stress"] = {"type": "geostatic", "K0": 0.7}
@@ -118,7 +119,7 @@ def test_a_column_of_displaced_points_collapses_as_without_and_comes_to_rest(sch
         sim.run()
         assert sim.time < 0.9
         sizes.append(np.quantile(np.abs(sim.particles.position), 0.99, axis=0))
-    assert sizes[0] == pytest.approx(sizes[1], rel=0.1) and sizes[0][0] > 0.1 > 0.065 > sizes[0][1], sizes
+    assert sizes[0] == pytest.approx(sizes[1], rel=0.1) and sizes[0][0] > 0.08 > 0.065 > sizes[0][1], sizes
 
 
 def test_few_inner_points_are_balanced_without_adding_up_rounding(scene_of, started):
