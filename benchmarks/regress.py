@@ -13,6 +13,7 @@ differs by more than 3 % in its median and, in the same direction, in three quar
 something is slower. Two to four minutes on two free cores.
 """
 
+import resource
 import sys
 import tempfile
 import time
@@ -102,7 +103,9 @@ def main(words=None):
         print(error, file=sys.stderr)
         return 2
     changes = report(samples)
-    print(f"{arguments.processes * arguments.turns} turns, {time.monotonic() - began:.0f} s in all")
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    print(f"{arguments.processes * arguments.turns} turns, {time.monotonic() - began:.0f} s in all, "
+          f"{used.ru_utime + used.ru_stime:.0f} s of processor time")  # fmt: skip
     if arguments.append:
         speed_table.append(*names, samples)
     return 1 if "slower" in changes else 0
