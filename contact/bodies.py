@@ -151,9 +151,7 @@ class BodiesContact:
         if self._ids is p.id:
             return
         self._ids = p.id
-        spacing = self._sim.spacing
-        deepest = 2.0 * maximum(self._sim.comm, float(p.face[: p.owned, 1].max(initial=0.5 * spacing)))
-        reach = np.sqrt((WIDTH * spacing) ** 2 + deepest**2) + self._sim.skin
+        reach = self.faces.reach
         ends = find_pairs(p, self._meeting(p, reach), np.zeros(p.total, np.int64), reach)
         touching = self.stiffness[p.body[ends[0]], p.body[ends[1]]] > 0.0
         self._ends = np.ascontiguousarray(ends[:, touching])

@@ -17,10 +17,11 @@ exact momenta.
 
 import numpy as np
 
-from periporo.contact.gaps import spline
+from periporo.contact.gaps import WIDTH, spline
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics.jit import kernel
 from periporo.core.points.particles import Field, Particles
+from periporo.core.ranks.reductions import maximum
 
 FACES = {2: 3, 3: 4}
 """Faces that a point can know: those of a corner, and the opposite one of a thin plate."""
@@ -36,11 +37,12 @@ class Faces:
 
     Point fields: `face` holds the point's share of its body's surface (1), then for each face the depth (m, or the
     radius of a ball) and the normal (d); `face_gradient` (d*d) 1/s and `face_moment` (2 d*d), of the channels `contact`
-    and `friction`, are scratch.
+    and `friction`, are scratch, as is `face_near`: whether a point may touch another.
     """
 
     def __init__(self, sim):
         self.sim = sim
+        self.reach = 0.0  # m, within which two points may touch
         self.near = np.empty(0, np.int64)  # pairs of neighbours that make the faces move
         self.rows = np.empty(0, np.int64)
 
@@ -50,6 +52,7 @@ class Faces:
         p.add_field(Field("face", 1 + FACES[d] * (1 + d), "1, m, 1"))
         p.add_field(Field("face_gradient", d * d, "1/s", migrates=False))
         p.add_field(Field("face_moment", 2 * d * d, "", migrates=False))
+        p.add_field(Field("face_near", None, "1", migrates=False))
 
     def share_out(self, sim) -> None:
         """Make up for the rows of a face that end at an edge, or that a lattice cuts in steps; once, at the start."""
@@ -57,11 +60,20 @@ class Faces:
         _share_out(pairs.first, pairs.second, p.owned, p.position, p.face, sim.spacing, p.dim)
         sim.halo.update(p, "face")
 
+    def find_reach(self, owned: dict[str, np.ndarray]) -> float:
+        """Distance (m) within which two of all points (fields of those `owned`) may touch; collective."""
+        spacing, face = self.sim.spacing, owned["face"]
+        depth = maximum(self.sim.comm, float(face[face[:, 0] > 0.0, 1].max(initial=0.5 * spacing)))
+        self.reach = np.hypot(WIDTH * spacing, 2.0 * depth) + self.sim.skin
+        return self.reach
+
     def follow(self, p: Particles, rows: np.ndarray) -> None:
-        """Look after the faces of the points `rows` until the next rebuild."""
+        """Look after the faces of the points `rows`, on other ranks too, until the next rebuild; collective."""
         pairs = self.sim.bonds.pairs
-        wanted = np.zeros(p.total, np.bool_)
-        wanted[rows] = True
+        p.face_near[:] = 0.0
+        p.face_near[rows] = 1.0
+        self.sim.halo.update(p, "face_near")  # a ghost may touch what is no ghost here
+        wanted = p.face_near > 0.0
         self.rows = np.flatnonzero(wanted)
         self.near = np.flatnonzero(wanted[pairs.first] | wanted[pairs.second])
 

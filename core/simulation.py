@@ -85,6 +85,8 @@ class Simulation:
         self.guards: list = []  # what may write a checkpoint, stop the run, or take it back: `periporo.core.watch`
         self.departures: Departures | None = None  # points that leave the scene
         self.origin = np.zeros(particles.dimension)  # that positions are counted from, m
+        self.reaches: list[Callable[[dict[str, np.ndarray]], float]] = []  # m, farther than bonds; of the owned fields
+        self.ghost_reach = 0.0  # m, within which a rank has the points of others
         self.extent: Extent | None = None  # of the bodies at the start
         self.stage_number = 0
         self.time, self.dt, self.step_number, self.rebuild_count = 0.0, 0.0, 0, 0
@@ -125,11 +127,6 @@ class Simulation:
         """Distance within which pairs are listed, m."""
         return self.scheme.horizon + self.skin
 
-    @property
-    def ghost_reach(self) -> float:
-        """Distance within which a rank needs the points of others, m."""
-        return self.reach * _MARGIN
-
     def rebuild(self) -> None:
         """Give points to the ranks that own their places, and find ghosts and neighbours anew."""
         p = self.particles
@@ -141,11 +138,17 @@ class Simulation:
         self.bonds.collect(self.comm, p, owner)
         owned = self.halo.migrate(p, owner)
         owned["reference_position"] = owned["position"].copy()
-        self.halo.rebuild(p, self.domain, owned, self.ghost_reach)
+        self.find_ghosts(self.domain, owned)
         self.bonds.rebuild(p, self.reach)
         self._moved = 0.0
         self.rebuild_count += 1
         self.rebuilt_at = self.step_number
+
+    def find_ghosts(self, domain: Domain, owned: dict[str, np.ndarray]) -> None:
+        """Install the `owned` fields, and copies of others' points within the reach of bonds and of `reaches`."""
+        reach = max([self.reach, *(reach_of(owned) for reach_of in self.reaches)])
+        self.ghost_reach = reach * _MARGIN
+        self.halo.rebuild(self.particles, domain, owned, self.ghost_reach)
 
     def _departing(self, departures: Departures) -> np.ndarray:
         """Which owned points (owned,) leave now; their energy is booked."""
