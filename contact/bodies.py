@@ -151,7 +151,7 @@ class BodiesContact:
         if self._ids is p.id:
             return
         self._ids = p.id
-        reach = self.faces.reach
+        reach = self._sim.farthest
         ends = find_pairs(p, self._meeting(p, reach), np.zeros(p.total, np.int64), reach)
         touching = self.stiffness[p.body[ends[0]], p.body[ends[1]]] > 0.0
         self._ends = np.ascontiguousarray(ends[:, touching])

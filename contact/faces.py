@@ -42,7 +42,6 @@ class Faces:
 
     def __init__(self, sim):
         self.sim = sim
-        self.reach = 0.0  # m, within which two points may touch
         self.near = np.empty(0, np.int64)  # pairs of neighbours that make the faces move
         self.rows = np.empty(0, np.int64)
 
@@ -64,8 +63,7 @@ class Faces:
         """Distance (m) within which two of all points (fields of those `owned`) may touch; collective."""
         spacing, face = self.sim.spacing, owned["face"]
         depth = maximum(self.sim.comm, float(face[face[:, 0] > 0.0, 1].max(initial=0.5 * spacing)))
-        self.reach = np.hypot(WIDTH * spacing, 2.0 * depth) + self.sim.skin
-        return self.reach
+        return float(np.hypot(WIDTH * spacing, 2.0 * depth) + self.sim.skin)
 
     def follow(self, p: Particles, rows: np.ndarray) -> None:
         """Look after the faces of the points `rows`, on other ranks too, until the next rebuild; collective."""

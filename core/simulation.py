@@ -26,7 +26,9 @@ _MARGIN = 1.0 + 1e-9  # of the ghosts' reach, so that both ranks of a pair list 
 _OFTEN, _SELDOM = 60, 150  # steps between rebuilds that call for a thicker, or a thinner, skin
 _THINNEST = 0.1  # skin, over the largest
 _IMBALANCE = 1.07  # of the bonds per rank, above which space is divided anew
-_REMEMBERED = ("time", "_carry", "dt", "step_number", "stage_number", "skin", "rebuild_count", "rebuilt_at")
+_REMEMBERED = (
+    "time", "_carry", "dt", "step_number", "stage_number", "skin", "farthest", "rebuild_count", "rebuilt_at",
+)  # fmt: skip
 
 
 class Simulation:
@@ -86,7 +88,7 @@ class Simulation:
         self.departures: Departures | None = None  # points that leave the scene
         self.origin = np.zeros(particles.dimension)  # that positions are counted from, m
         self.reaches: list[Callable[[dict[str, np.ndarray]], float]] = []  # m, farther than bonds; of the owned fields
-        self.ghost_reach = 0.0  # m, within which a rank has the points of others
+        self.farthest = 0.0  # m, within which points act on each other until the next rebuild
         self.extent: Extent | None = None  # of the bodies at the start
         self.stage_number = 0
         self.time, self.dt, self.step_number, self.rebuild_count = 0.0, 0.0, 0, 0
@@ -127,6 +129,11 @@ class Simulation:
         """Distance within which pairs are listed, m."""
         return self.scheme.horizon + self.skin
 
+    @property
+    def ghost_reach(self) -> float:
+        """Distance within which a rank needs the points of others, m."""
+        return self.farthest * _MARGIN
+
     def rebuild(self) -> None:
         """Give points to the ranks that own their places, and find ghosts and neighbours anew."""
         p = self.particles
@@ -138,17 +145,12 @@ class Simulation:
         self.bonds.collect(self.comm, p, owner)
         owned = self.halo.migrate(p, owner)
         owned["reference_position"] = owned["position"].copy()
-        self.find_ghosts(self.domain, owned)
+        self.farthest = max([self.reach, *(reach_of(owned) for reach_of in self.reaches)])
+        self.halo.rebuild(p, self.domain, owned, self.ghost_reach)
         self.bonds.rebuild(p, self.reach)
         self._moved = 0.0
         self.rebuild_count += 1
         self.rebuilt_at = self.step_number
-
-    def find_ghosts(self, domain: Domain, owned: dict[str, np.ndarray]) -> None:
-        """Install the `owned` fields, and copies of others' points within the reach of bonds and of `reaches`."""
-        reach = max([self.reach, *(reach_of(owned) for reach_of in self.reaches)])
-        self.ghost_reach = reach * _MARGIN
-        self.halo.rebuild(self.particles, domain, owned, self.ghost_reach)
 
     def _departing(self, departures: Departures) -> np.ndarray:
         """Which owned points (owned,) leave now; their energy is booked."""

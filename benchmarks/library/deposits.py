@@ -27,6 +27,18 @@ def covered_area(position: np.ndarray, spacing: float) -> float:
     Discs around the points grow by 1.3 spacings and what they cover shrinks by .8 again, on a raster of an eighth of a
     spacing. The floor counts as a mirror. A lattice block gives its area less its four rounded corners.
     """
+    _, covered = _covered(position, spacing)
+    return float(covered.sum() * (spacing / _FINE) ** 2)
+
+
+def profile(position: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Places x (m) and the height (m) over y = 0 of what points (n, 2) cover there."""
+    x, covered = _covered(position, spacing)
+    return x, covered.sum(axis=1) * spacing / _FINE
+
+
+def _covered(position, spacing):
+    """Places x (k,) m of the columns of a raster, and which of its cells (k, l) above y = 0 are covered."""
     cell = spacing / _FINE
     low, high = position.min(axis=0) - 4 * spacing, position.max(axis=0) + 4 * spacing
     low[1] = -6 * spacing
@@ -37,8 +49,8 @@ def covered_area(position: np.ndarray, spacing: float) -> float:
     empty[place[:, 0], place[:, 1]] = False
     grown = ndimage.distance_transform_edt(empty) * cell < _CLOSING * spacing
     closed = ndimage.distance_transform_edt(grown) * cell > (_CLOSING - 0.5) * spacing
-    height = low[1] + (np.arange(shape[1]) + 0.5) * cell
-    return float(closed[:, height > 0].sum() * cell * cell)
+    x, height = (low[a] + (np.arange(shape[a]) + 0.5) * cell for a in range(2))
+    return x, closed[:, height > 0]
 
 
 def fluctuations(position: np.ndarray, values: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:

@@ -47,6 +47,7 @@ def fields(dimension: int, components: int) -> tuple[Field, ...]:
         Field("flow", 5, "Pa, 1, m, 1/s, 1", migrates=False),
         Field("flow_stress", components, "Pa", migrates=False),
         Field("rearrangement", dimension, "m"),
+        Field("exchanged_strain", None, "1", sent=False),
         Field("flow_work", len(FLOW_WORK), "J", sent=False),
     )
 
@@ -71,7 +72,7 @@ def exchange(p, pairs, blocks, dt: float) -> None:
     `blocks` are those of laws that tell their limit of tension: their stress is all that they remember of it.
     """
     stress, mean = np.zeros_like(p.flow_stress), np.zeros(p.total)
-    p.rearrangement[:] = 0.0
+    p.rearrangement[:] = p.exchanged_strain[:] = 0.0
     _exchange(
         pairs.first, pairs.second, pairs.weight, dt, p.position, p.material, p.link, p.flow, p.flow_stress, stress,
         mean, p.rearrangement, p.dim,
@@ -80,19 +81,20 @@ def exchange(p, pairs, blocks, dt: float) -> None:
         bulk, shear = block.elastic_moduli()
         limit = block.material.tension_limit(block.stress, block.state)
         _apply(
-            block.first, block.active, bulk, shear, limit, block.opening.column, p.volume, p.share, p.jacobian, p.flow,
-            stress, mean, block.stress, block.state, p.flow_work,
+            block.first, block.active, bulk, shear, limit, block.opening.column, p.volume, p.share, p.flow, stress,
+            mean, block.stress, block.state, p.exchanged_strain, p.flow_work,
         )  # fmt: skip
 
 
 def rearrange(p, motions) -> None:
-    """Move points by their rearrangement; components that `motions` prescribe stay."""
+    """Move points by their rearrangement; components that `motions` prescribe stay. Volumes follow what was exchanged.
+    """
     for motion in motions:
         motion.hold_zero(p, p.rearrangement)
     if "contact_force" in p.fields:
         _stay_out(p.owned, p.contact_force, p.rearrangement, p.dim)
     forces = tuple(getattr(p, f"{name}_force") for name in ("external", "contact") if f"{name}_force" in p.fields)
-    _rearrange(p.owned, p.rearrangement, p.position, forces, p.flow_work, p.dim)
+    _rearrange(p.owned, p.rearrangement, p.position, p.exchanged_strain, p.dilation, forces, p.flow_work, p.dim)
 
 
 @kernel
@@ -173,7 +175,7 @@ def _exchange(
 
 @kernel
 def _apply(
-    point, active, bulk, shear, limit, column, volume, share, jacobian, flow, stress_change, mean_change, stress, state,
+    point, active, bulk, shear, limit, column, volume, share, flow, stress_change, mean_change, stress, state, strain,
     work,
 ):  # fmt: skip
     for r in range(point.shape[0]):
@@ -184,7 +186,7 @@ def _apply(
         mean = (stress[r, 0] + stress[r, 1] + stress[r, 2]) / 3.0
         before = mean * mean / (2.0 * bulk[r]) + _shear_energy(stress, r, mean, shear[r])
         signed = flow[i, SIGNED] + mean_change[i] / own
-        jacobian[i] *= 1.0 + mean_change[i] / (own * bulk[r])
+        strain[i] = mean_change[i] / (own * bulk[r])
         new_mean = min(signed, limit[r])
         state[r, column] = (signed - new_mean) / bulk[r]
         mean_of_changes = (stress_change[i, 0] + stress_change[i, 1] + stress_change[i, 2]) / 3.0
@@ -217,8 +219,9 @@ def _stay_out(owned, contact, way, dim):
 
 
 @kernel
-def _rearrange(owned, way, position, forces, work, dim):
+def _rearrange(owned, way, position, strain, dilation, forces, work, dim):
     for i in range(owned):
+        dilation[i] *= 1.0 + strain[i]
         for a in range(len(dim)):
             if way[i, a] != 0.0:
                 position[i, a] += way[i, a]

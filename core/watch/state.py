@@ -176,7 +176,7 @@ def install(sim, state: State) -> None:
     # neighbours as they were found: the same pairs are listed for as long as in a run that was not interrupted
     owned = {f.name: state.points[f.name] for f in p.migrating()}
     found_at = owned | {"position": owned["reference_position"]}
-    sim.find_ghosts(sim.domain, found_at)
+    sim.halo.rebuild(p, sim.domain, found_at, sim.ghost_reach)
     for held, rows in zip(bonds.carriers, state.rows, strict=True):
         held.carried = _shared(sim, rows)
     bonds.rebuild(p, sim.reach)
