@@ -1,5 +1,6 @@
 """Blocks: the rows of one material, or of the links, with the state that they carry through neighbour rebuilds."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,6 +65,7 @@ class Block(Rows):
         self.log_columns = np.array(logs, np.bool_)
         self.rows = slice(0, 0)
         self.total: np.ndarray | None = None  # stress with that of pore water, if there is any
+        self.pore_stiffness: Callable[[Block], np.ndarray] | None = None  # of water that cannot leave, Pa
         self.held_moduli = None  # what `elastic_moduli` answers while stress and state are only a trial
         self.strain_increment = np.empty((0, components))
         self.refused: tuple[np.ndarray, str] | None = None  # rows that refuse the step, and the reason
@@ -114,6 +116,11 @@ class Block(Rows):
         if self.held_moduli is not None:
             return self.held_moduli
         return self.material.elastic_moduli(self.stress, self.state)
+
+    def stiffness(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bulk and shear modulus of rows and of water that cannot leave them, two (n,) arrays in Pa."""
+        bulk, shear = self.elastic_moduli()
+        return bulk if self.pore_stiffness is None else bulk + self.pore_stiffness(self), shear
 
 
 @dataclass

@@ -112,6 +112,10 @@ class PointState(Standard):
         sharpening.sharpen(p, pairs, self._factors[p.dimension])
         return p.sharp
 
+    def seen_gradient(self, p) -> np.ndarray:
+        """The velocity gradients that laws saw in the step."""
+        return p.sharp if self.sharpened else p.gradient
+
     def internal_force(self, particles, bonds, halo, force: np.ndarray) -> None:
         """Fill `force` (total, d) N with the internal force; rows of ghosts are incomplete.
 

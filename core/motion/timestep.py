@@ -87,7 +87,7 @@ def damped_limit(sim, frequency: float) -> float:
         return math.inf
     fastest = 0.0  # square of the speed of P waves
     for block in flowing:
-        bulk, shear = block.elastic_moduli()
+        bulk, shear = block.stiffness()
         stiffest = float((bulk + 4.0 / 3.0 * shear)[block.active].max(initial=0.0))
         fastest = max(fastest, stiffest / block.material.density)
     fastest = maximum(sim.comm, fastest)
@@ -102,7 +102,7 @@ def local_frequency(sim, contacts) -> float:
     p = sim.particles
     springs = np.zeros((p.total, p.dimension * (p.dimension + 1) // 2))
     for block in sim.bonds.blocks:
-        bulk, shear = block.elastic_moduli()
+        bulk, shear = block.stiffness()
         sim.scheme.add_springs(p, sim.bonds, block, bulk, shear, springs)
     stiffness = np.zeros(p.owned)
     for contact in contacts:
@@ -168,7 +168,7 @@ def apply_stiffness(sim, displacement):
         block.total = None
     sim.scheme.deform(p, sim.bonds, sim.halo, dt, dt)
     for block in sim.bonds.blocks:
-        bulk, shear = block.elastic_moduli()
+        bulk, shear = block.stiffness()
         _elastic_stress(bulk, shear, block.strain_increment, block.stress)
     force = np.zeros((p.total, p.dimension))
     sim.scheme.internal_force(p, sim.bonds, sim.halo, force)

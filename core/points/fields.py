@@ -69,6 +69,8 @@ def available(sim) -> dict[str, OutputField]:
         fields[name] = OutputField(name, width or 1, unit)
     for name in _of_processes(sim):
         fields[name] = OutputField(name, p.fields[name].columns or 1, p.fields[name].unit)
+    for name, (unit, _) in _derived(sim).items():
+        fields[name] = OutputField(name, 1, unit)
     fields["stress"] = OutputField("stress", p.components, "Pa")
     for name in sim.forces.names:
         fields[f"{name}_force"] = OutputField(f"{name}_force", p.dimension, "N")
@@ -83,17 +85,22 @@ def _of_processes(sim) -> list[str]:
     return [name for process in sim.point_processes for name in process.output]
 
 
+def _derived(sim) -> dict:
+    """What point processes make of their fields for output: name -> (unit, function of particles and owned count)."""
+    return {name: entry for process in sim.point_processes for name, entry in getattr(process, "derived", {}).items()}
+
+
 def values(sim, names) -> dict[str, np.ndarray]:
     """The named fields on the owned points; a point's stress and state are the averages of its bonds."""
     p, n = sim.particles, sim.particles.owned
     result = {}
-    stored = _of_processes(sim)
-    averaged = [name for name in names if name not in (*_PLAIN, *stored) and not name.endswith("_force")]
+    stored, plain = _of_processes(sim), _PLAIN | _derived(sim)
+    averaged = [name for name in names if name not in (*plain, *stored) and not name.endswith("_force")]
     if averaged:
         sim.bonds.average(p, np.arange(n))
     for name in names:
-        if name in _PLAIN:
-            result[name] = _PLAIN[name][1](p, n)
+        if name in plain:
+            result[name] = plain[name][1](p, n)
         elif name in stored or name.endswith("_force"):
             result[name] = getattr(p, name)[:n]
         else:

@@ -29,8 +29,8 @@ from periporo.core.scene.contacts import (
     refuse_penetration,
 )
 from periporo.core.scene.geostatic import GeostaticStress, uniform_stress
+from periporo.core.scene.water import build_water, wetted
 from periporo.core.simulation import Simulation
-from periporo.core.water.pore_water import PoreWater, retention_curve
 from periporo.errors import InputError, Problem
 from periporo.io.geometry import lattice as geometry
 from periporo.io.geometry.faces import find_faces
@@ -51,9 +51,8 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
     scene = relative(scene, origin)
     particles = Particles(scene.dimension)
     materials = [m.create() for m in scene.materials.values()]
-    water = None
-    if scene.pore_water is not None:
-        water, materials = _pore_water(scene, materials)
+    water = None if scene.pore_water is None else build_water(scene, materials)
+    materials = wetted(scene, materials, water)
     chosen = scene.correspondence
     options = chosen.options()
     if "sharpened" in options:
@@ -75,7 +74,7 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
         dissipation.attach(particles)
         sim.point_processes.append(dissipation)
     if water is not None:
-        water.attach(particles, sim.halo)
+        water.attach(sim)
         sim.point_processes.append(water)
     contacts = [(c, build_contact(scene, c, k, sim)) for k, c in enumerate(scene.contacts) if c.type != "bodies"]
     faces = Faces(sim)
@@ -99,7 +98,8 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
     if scene.initial_stress is not None:
         sim.bonds.initial_stress = _initial_stress(scene, materials, water, lattices)
         sim.bonds.initial_stress_is_total = water is not None and scene.initial_stress.type == "geostatic"
-    sim.stages = [_stage(scene, sim, stage, contacts, lattices) for stage in scene.stages]
+    free_water = [] if water is None or water.free is None else [water.free]
+    sim.stages = [_stage(scene, sim, stage, contacts, free_water, lattices) for stage in scene.stages]
     for model, built in zip(scene.stages, sim.stages, strict=True):
         built.contacts += [between[m] for m in [_bodies_models(scene, model)] if m]
         built.contacts.append(repulsion)
@@ -185,27 +185,7 @@ def _initial_stress(scene, materials, water, lattices):
     if initial.type == "uniform":
         return uniform_stress(initial.components, scene.dimension)
     density = np.array([m.density for m in materials])
-    if water is not None:
-        density = water.density(density)
-    return GeostaticStress(lattices, density, scene.vector(scene.gravity), initial.K0, initial.surface)
-
-
-def _pore_water(scene, materials):
-    """The process of pore water, and the materials that a suction bonds."""
-    water = scene.pore_water
-    porosity = [getattr(m, "porosity", None) for m in materials]
-    for name, value in zip(scene.materials, porosity, strict=True):
-        if value is None:
-            message = "this law has no 'porosity', which pore water needs; choose one that has, such as cam_clay"
-            raise InputError("scene", [Problem(("materials", name, "model"), message)])
-    process = PoreWater(
-        water.suction, retention_curve(water.retention), water.water_density, porosity, frozen=water.frozen
-    )
-    wet = [
-        m.for_unsaturated(float(xi)) if hasattr(m, "for_unsaturated") else m
-        for m, xi in zip(materials, process.initial_bonding, strict=True)
-    ]
-    return process, wet
+    return GeostaticStress(lattices, density, scene.vector(scene.gravity), initial.K0, initial.surface, water)
 
 
 def vertical_axis(scene) -> int:
@@ -225,8 +205,8 @@ def output_names(scene, sim) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _stage(scene, sim, stage, contacts, lattices):
-    motions, loads = [], []
+def _stage(scene, sim, stage, contacts, free_water, lattices):
+    motions, loads = [], [*free_water]
     if scene.gravity is not None:
         loads.append(Gravity(scene.vector(scene.gravity)))
     for name in stage.boundaries:

@@ -2,12 +2,14 @@
 
 Above a point is what a ray against gravity meets: the layers of its body up to the local surface, and those of
 bodies that rest on it without a gap. The vertical stress is that weight, the horizontal one K0 times it. In wet soil
-that is the total stress, with the density of the layers at the start; sigma_bar = sigma + S_r p_w I follows from it.
+that is the total stress, from which sigma_bar = sigma + S p I follows: with the weight of grains, of water in the pores
+and of free water above, and K0 between the stresses that are left without a pressure p > 0 in the pores.
 """
 
 import numpy as np
 
 from periporo.core.numerics.tensors import INDEX_PAIRS, component_count
+from periporo.core.water.pore_water import PoreWater
 from periporo.io.geometry.lattice import Lattice
 from periporo.io.geometry.shapes import inside_polygon
 from periporo.io.schema.bodies import Box, Cylinder, Disc, Points, Polygon, Sphere
@@ -24,30 +26,40 @@ def uniform_stress(components, dimension: int):
 class GeostaticStress:
     """Total stress at the start as a function of positions (n, d) m.
 
-    `lattices` are the bodies, `density` (materials,) kg/m^3 that of the wet soil, `gravity` (d,) m/s^2 not zero. With a
+    `lattices` are the bodies, `density` (materials,) kg/m^3 that of the dry soil, `gravity` (d,) m/s^2 not zero. With a
     `surface` (level along the direction opposite to gravity, m) the soil of each body's top layer reaches up to there.
+    `water` is what is in the pores at the start, and free water around.
     """
 
-    def __init__(self, lattices, density, gravity, K0, surface=None):
+    def __init__(self, lattices, density, gravity, K0, surface=None, water: PoreWater | None = None):
         self.strength = float(np.sqrt((gravity**2).sum()))
         self.up = -gravity / self.strength
-        self.profiles = [_Profile(lattice, self.up, density) for lattice in lattices]
+        self.profiles = [_Profile(lattice, self.up, density, water) for lattice in lattices]
         self.K0 = K0
         self.surface = surface
+        self.water = water
         self._tolerance = 1e-6 * lattices[0].spacing
 
     def __call__(self, position: np.ndarray) -> np.ndarray:
         """Stress (n, 4|6) Pa."""
         level = _along(position, self.up)
-        vertical = -self.strength * self._weight(position, level)
+        weight, top = self._weight(position, level)
+        vertical = -self.strength * weight
+        pressure = np.zeros(len(position))
+        if self.water is not None:
+            pressure = np.maximum(self.water.profile.at(position), 0.0)
+            if self.water.free is not None:
+                vertical -= self.water.free.weight * np.maximum(self.water.free.level(0.0) - (level + top), 0.0)
+        vertical += pressure
         stress = np.zeros((len(position), component_count(position.shape[1])))
         up = np.append(self.up, 0.0) if position.shape[1] == 2 else self.up
         for c, (a, b) in enumerate(INDEX_PAIRS[: stress.shape[1]]):
             stress[:, c] = vertical * ((1.0 - self.K0) * up[a] * up[b] + (self.K0 if a == b else 0.0))
+            stress[:, c] -= pressure if a == b else 0.0
         return stress
 
     def _weight(self, position, level):
-        """Mass above per area, (n,) kg/m^2."""
+        """Mass above per area, (n,) kg/m^2, and how far up that reaches, (n,) m."""
         weight = np.zeros(len(position))
         top = np.zeros(len(position))  # how far up the weight has been counted
         found = np.zeros(len(position), bool)
@@ -65,29 +77,36 @@ class GeostaticStress:
                 top[meets] = end[meets]
             if (top == before).all():
                 break
-        return weight
+        return weight, top
 
 
 class _Profile:
     """One body: where a ray against gravity leaves it, and its layers."""
 
-    def __init__(self, lattice: Lattice, up, density):
+    def __init__(self, lattice: Lattice, up, density, water):
         self._lattice = lattice
         self._up = up
-        self._edges = np.array([above for above, _ in lattice.layers])
+        self._density, self._water = density, water
+        edges = [above for above, _ in lattice.layers]
         materials = [lattice.material, *(m for _, m in lattice.layers)]
-        self._density = density[materials]
+        self._layers = list(zip([-np.inf, *edges], [*edges, np.inf], materials, strict=True))
         if isinstance(lattice.body.shape, Points):
             self._columns = _Columns(lattice, up)
 
     def mass_below(self, level):
         """Mass per area (n,) between a fixed level and `level` (n,), kg/m^2."""
-        if len(self._edges) == 0:
-            return self._density[0] * level
-        mass = self._density[0] * np.minimum(level, self._edges[0])
-        upper = np.append(self._edges[1:], np.inf)
-        for lower, higher, density in zip(self._edges, upper, self._density[1:], strict=True):
-            mass += density * np.clip(level - lower, 0.0, higher - lower)
+        mass = np.zeros(len(level))
+        for lower, upper, material in self._layers:
+            mass += self._mass_of_layer(material, np.clip(level, lower, upper))
+            if np.isfinite(lower):
+                mass -= self._mass_of_layer(material, np.full(1, lower))
+        return mass
+
+    def _mass_of_layer(self, material, level):
+        """Mass per area (n,) between a fixed level and `level` (n,) if there is but this material, kg/m^2."""
+        mass = self._density[material] * level
+        if self._water is not None:
+            mass += self._water.pores.mass_below(self._water.profile, material, level)
         return mass
 
     def spans(self, position) -> Spans:

@@ -1,166 +1,119 @@
-"""Water in the pores at constant suction: saturation, mass and effective stress (Menon & Song 2022, section 2).
+"""Water in the pores: pressure, saturation, mass and effective stress (Menon & Song 2022, section 2).
 
-The laws see effective stress; forces come from the total stress sigma = sigma_bar - S_r p_w I with p_w = -suction.
-The water is drained: it flows in and out of the pores at will, so the mass of a point is that of its grains plus
-rho_w S_r phi V. Water that enters has the velocity of the grains; its kinetic energy dm |v|^2 / 2 counts as work
-of the surroundings (`external`), and with that the balance of energy closes to rounding. The work of suction on the
-pores is part of the internal work.
+The laws see effective stress; forces come from the total stress sigma = sigma_bar - S p I with the pore pressure p
+(compression positive, suction is -p) and the saturation S as Bishop's factor. Where there is free water outside, the
+pressure that it has at a point's place is taken from S p: see `periporo.core.water.pressure.FreeWater`.
+
+`DrainedWater` flows in and out of the pores at will and keeps the pressure of a place; `UndrainedWater` cannot leave
+its point. The mass of a point is that of its grains and its water. Water that enters has the velocity of the grains;
+its kinetic energy dm |v|^2 / 2 counts as work of the surroundings (`external`), and with that the balance of energy
+closes to rounding. The work of pressure on the pores is part of the internal work.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
-from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.numerics.jit import kernel
 from periporo.core.points.forces import WORK
 from periporo.core.points.material import BONDING
 from periporo.core.points.particles import Field
-from periporo.errors import InputError, Problem
+from periporo.core.water.content import fill_content, fill_pressure, follow_volume, pore_stiffness
+from periporo.core.water.pressure import FreeWater, Profile
+from periporo.core.water.retention import Retention, packed, saturations
 
 _EXTERNAL = WORK.index("external")
-_KILOPASCAL = 1e3
 ATMOSPHERE = 101.3e3
 """Atmospheric pressure, Pa."""
+_NODES = 513  # of the integral of saturation over the height of growing suction
 
 
-class RetentionCurve:
-    """Saturation S_r = {1 + [alpha1 (v - 1)^alpha2 J s]^alpha3}^((1 - alpha3)/alpha3), suction s in kPa.
+@dataclass(frozen=True)
+class Pores:
+    """What the water meets: `porosity` at the start and `retention` of each material.
 
-    v = 1/(1 - phi) is the present specific volume and J the present over the initial volume (Menon & Song 2022,
-    eq. 15, after Gallipoli et al. 2003). They print the outer exponent with the opposite sign, which would make
-    S_r > 1. `alpha1` 1/kPa, `alpha2`, `alpha3` > 1.
+    The water has `density` kg/m^3 at zero pressure and the `bulk_modulus` Pa.
     """
 
-    def __init__(self, alpha1: float, alpha2: float, alpha3: float):
-        self.alphas = alpha1, alpha2, alpha3
+    porosity: np.ndarray
+    retention: list[Retention]
+    density: float
+    bulk_modulus: float
 
-    def saturation(self, suction: float, porosity: np.ndarray, ratio: np.ndarray) -> np.ndarray:
-        """S_r (n,) at `suction` Pa for points of `porosity` (n,) and volume `ratio` J (n,)."""
-        result = np.empty(len(porosity))
-        _fill_saturation(suction, porosity, ratio, *self.alphas, result)
-        return result
+    def initial_saturation(self, material: int, pressure) -> np.ndarray:
+        """S (n,) of a `material` at the start under `pressure` (n,) Pa."""
+        pressure = np.asarray(pressure, float)
+        porosity = np.full(len(pressure), self.porosity[material])
+        return self.retention[material].saturation(-pressure, porosity, np.ones(len(pressure)))
 
-
-RETENTION = {
-    # as printed (section 4.2): S_r = 0.9996 and 0.9989 at 25 and 50 kPa and the initial porosity of 0.2
-    "menon_song": (0.038, 3.49, 1.25),
-    # reproduces the saturations 0.92 and 0.88 that are stated there for these suctions
-    "fitted": (8.508, 3.49, 1.0893),
-}
-
-
-class RetentionTable:
-    """Saturation from measured pairs of `suction` (k,) Pa and `saturation` (k,), by monotone interpolation.
-
-    Cubic Hermite pieces in the suction with the slopes of Fritsch & Butland (1984): no overshoot. Constant beyond
-    the ends; the volume has no influence. Raises ValueError for a table that is not a retention curve.
-    """
-
-    def __init__(self, suction, saturation):
-        s, y = np.asarray(suction, float), np.asarray(saturation, float)
-        if len(s) < 2 or not (np.diff(s) > 0).all() or not (s >= 0).all():
-            raise ValueError("retention table: needs at least two rows with increasing suctions >= 0")
-        if not ((y >= 0) & (y <= 1)).all() or not (np.diff(y) <= 0).all():
-            raise ValueError("retention table: saturations must lie in [0, 1] and not increase with suction")
-        self._s, self._y = s, y
-        h, slope = np.diff(s), np.diff(y) / np.diff(s)
-        product = slope[1:] * slope[:-1]
-        weighted = (2 * h[1:] + h[:-1]) * slope[1:] + (h[1:] + 2 * h[:-1]) * slope[:-1]
-        inner = np.where(product > 0, 3 * (h[1:] + h[:-1]) * product / np.where(product > 0, weighted, 1.0), 0.0)
-        self._slope = np.concatenate([slope[:1], inner, slope[-1:]])
-
-    def saturation(self, suction: float, porosity: np.ndarray, ratio: np.ndarray) -> np.ndarray:
-        """S_r (n,) at `suction` Pa, the same for all points."""
-        s, y, m = self._s, self._y, self._slope
-        x = min(max(suction, s[0]), s[-1])
-        k = int(np.clip(np.searchsorted(s, x, side="right") - 1, 0, len(s) - 2))
-        h = s[k + 1] - s[k]
-        t = (x - s[k]) / h
-        value = (
-            (1 + 2 * t) * (1 - t) ** 2 * y[k] + t * t * (3 - 2 * t) * y[k + 1]
-            + h * t * (1 - t) * ((1 - t) * m[k] - t * m[k + 1])
-        )  # fmt: skip
-        return np.full(len(porosity), value)
-
-
-def retention_curve(model) -> RetentionCurve | RetentionTable:
-    """The curve that the `retention` entry of a scene describes. Raises InputError for an unusable table."""
-    if model.table is not None:
-        try:
-            return RetentionTable(*_read_table(model.table))
-        except (OSError, ValueError) as error:
-            problem = Problem(("pore_water", "retention", "table"), f"{model.table}: {error}")
-            raise InputError("scene", [problem]) from None
-    if model.set is not None:
-        return RetentionCurve(*RETENTION[model.set])
-    return RetentionCurve(model.alpha1, model.alpha2, model.alpha3)
-
-
-def _read_table(name):
-    """Columns of a CSV file headed suction,saturation in Pa and 1."""
-    with open(name, encoding="utf-8-sig") as file:
-        header = file.readline().strip().replace(" ", "")
-        if header != "suction,saturation":
-            raise ValueError(f"its first line must be suction,saturation, not {header!s:.60}")
-        return np.loadtxt(file, delimiter=",", ndmin=2).T
+    def mass_below(self, profile: Profile, material: int, level: np.ndarray) -> np.ndarray:
+        """Mass of water per area (n,) kg/m^2 in a `material` between a fixed level and `level` (n,) m at the start."""
+        level = np.asarray(level, float)
+        full = self.density * self.porosity[material]
+        if not profile.varies:
+            return full * self.initial_saturation(material, profile.of_level(level[:1])) * level
+        below = np.minimum(level, profile.table) - profile.table
+        above = np.maximum(level - profile.table, 0.0)
+        growing = profile.largest_suction / profile.weight
+        nodes = np.linspace(0.0, growing, _NODES)
+        filled = self.initial_saturation(material, -profile.weight * nodes)
+        sums = np.append(0.0, np.cumsum(0.5 * (filled[1:] + filled[:-1]) * np.diff(nodes)))
+        return full * (below + np.interp(above, nodes, sums) + filled[-1] * np.maximum(above - growing, 0.0))
 
 
 class PoreWater:
-    """The point process of pore water at constant `suction` Pa.
+    """What every pore water does as a point process; a subclass tells pressure and saturation after a step.
 
-    `curve` is a retention curve, `water_density` kg/m^3, `porosity` (materials,) the initial one of each material.
-    `frozen` keeps saturation and mass as they are at the start: a closed system, for tests of conservation. Point
-    fields: `porosity`, `saturation`, `suction`. At suction 0 the pores are full of water without pressure.
+    `profile` is the pressure at the start, `free` the free water outside or None. Point fields: `pore_pressure`,
+    `porosity`, `saturation`.
     """
 
-    output = ("porosity", "saturation", "suction")
+    output = ("pore_pressure", "porosity", "saturation")
+    derived = {"suction": ("Pa", lambda p, n: np.maximum(-p.pore_pressure[:n], 0.0))}
 
-    def __init__(self, suction, curve, water_density, porosity, *, frozen=False):
-        self.suction = suction
-        self.curve = curve
-        self.water_density = water_density
-        self.initial_porosity = np.asarray(porosity, float)
-        self.frozen = frozen
-        self._halo = None
-        ones = np.ones(len(self.initial_porosity))
-        self.initial_saturation = curve.saturation(suction, self.initial_porosity, ones)
-        self.initial_bonding = bonding_variable(suction, self.initial_saturation)
+    def __init__(self, pores: Pores, profile: Profile, free: FreeWater | None = None):
+        self.pores = pores
+        self.profile = profile
+        self.free = free
+        self.curves = packed(pores.retention)
+        largest = -np.array([profile.largest_suction])
+        driest = np.concatenate([pores.initial_saturation(m, largest) for m in range(len(pores.porosity))])
+        self.largest_bonding = bonding_variable(-largest, driest)
+        self._sim = None
+        self._bonds = False  # whether a law wants to know the bonding by suction
 
-    def attach(self, p, halo) -> None:
-        """Declare the point fields; `halo` refreshes those that ghosts need."""
-        self._halo = halo
-        for name, unit in (("porosity", "1"), ("saturation", "1"), ("suction", "Pa"), ("grain_mass", "kg")):
-            p.add_field(Field(name, None, unit, sent=False))
-        p.add_field(Field("pore_stress", None, "Pa"))  # -S_r p_w
-        p.add_field(Field("bonding_variable", None, "1"))  # xi
+    def attach(self, sim) -> None:
+        """Declare the point fields."""
+        self._sim = sim
+        for name, unit in (("pore_pressure", "Pa"), ("porosity", "1"), ("saturation", "1"), ("grain_mass", "kg")):
+            sim.particles.add_field(Field(name, None, unit, sent=False))
+        sim.particles.add_field(Field("pore_stress", None, "Pa"))  # -S p, and the pressure of free water
+        self._bonds = any(bonding_column(block.material) is not None for block in sim.bonds.blocks)
+        if self._bonds:
+            sim.particles.add_field(Field("bonding_variable", None, "1"))  # xi
 
     def initial_fields(self, owned: dict[str, np.ndarray]) -> None:
-        """Set porosity, saturation, suction and mass of new points, given `volume`, `material` and dry `mass`."""
-        material = owned["material"]
-        owned["porosity"] = self.initial_porosity[material]
-        owned["saturation"] = self.initial_saturation[material]
-        owned["suction"] = np.full(len(material), self.suction)
-        owned["pore_stress"] = owned["saturation"] * self.suction
-        owned["bonding_variable"] = self.initial_bonding[material]
+        """Set what the water is at new points, given `position`, `volume`, `material` and dry `mass`."""
+        material, pores = owned["material"], self.pores
+        pressure = self.profile.at(owned["position"])
+        owned["pore_pressure"], owned["porosity"] = pressure, pores.porosity[material]
+        ratio = np.ones(len(material))
+        owned["saturation"] = saturations(self.curves, material, -pressure, owned["porosity"], ratio)
+        owned["pore_stress"] = -owned["saturation"] * pressure
         owned["grain_mass"] = owned["mass"]
-        owned["mass"] = owned["mass"] + self.water_density * owned["saturation"] * owned["porosity"] * owned["volume"]
-
-    def density(self, dry: np.ndarray) -> np.ndarray:
-        """Bulk density (materials,) of the wet materials at the start from that of the `dry` ones, kg/m^3."""
-        return dry + self.water_density * self.initial_saturation * self.initial_porosity
+        owned["mass"] = owned["mass"] + pores.density * owned["saturation"] * owned["porosity"] * owned["volume"]
 
     def update(self, p, bonds, dt: float) -> None:
-        """Porosity, saturation and mass at the end of the step, and total stress of the bonds."""
+        """Pressure, saturation and mass at the end of the step, and total stress of the rows."""
         n = p.owned
-        _close_pores(n, p.jacobian, p.porosity)
-        if not self.frozen:
-            ratio = (1.0 - self.initial_porosity[p.material[:n]]) / (1.0 - p.porosity[:n])
-            p.saturation[:] = self.curve.saturation(self.suction, p.porosity[:n], ratio)
-            _exchange_water(
-                n, self.water_density, p.porosity, p.saturation, p.present_volume() * p.jacobian, p.grain_mass, p.mass,
-                p.velocity, p.work, p.dim,
-            )  # fmt: skip
-        p.pore_stress[:n] = p.saturation * self.suction
-        p.bonding_variable[:n] = bonding_variable(self.suction, p.saturation)
-        self._halo.update(p, "pore_stress", "bonding_variable")
+        self._advance(p, dt)
+        p.pore_stress[:n] = -p.saturation * p.pore_pressure
+        if self.free is not None:
+            sim = self._sim
+            p.pore_stress[:n] += self.free.pressure(p, sim.time if sim.rate_independent else sim.time + dt)
+        if self._bonds:
+            p.bonding_variable[:n] = bonding_variable(np.maximum(-p.pore_pressure, 0.0), p.saturation)
+        self._sim.halo.update(p, "pore_stress", *(("bonding_variable",) if self._bonds else ()))
         for block in bonds.blocks:
             if block.total is None or len(block.total) != len(block.stress):
                 block.total = np.empty_like(block.stress)
@@ -170,6 +123,79 @@ class PoreWater:
             if column is not None:
                 _fill_bonding(index, first, second, p.bonding_variable, column, block.state)
 
+    def _advance(self, p, dt: float) -> None:
+        """Pressure, saturation, porosity and mass of the owned points at the end of the step."""
+        raise NotImplementedError
+
+    def _exchange(self, p, content) -> None:
+        """Let the owned points hold the `content` (owned,) m^3 of water at zero pressure."""
+        _exchange_water(
+            p.owned, self.pores.density, content, p.grain_mass, p.mass, p.velocity, p.work, p.dim
+        )  # fmt: skip
+
+
+class DrainedWater(PoreWater):
+    """Water at the pressure of its place, whatever the soil does; with `frozen` content, for tests of conservation.
+
+    At suction 0 the pores are full of water without pressure.
+    """
+
+    def __init__(self, pores: Pores, profile: Profile, free: FreeWater | None = None, *, frozen: bool = False):
+        super().__init__(pores, profile, free)
+        self.frozen = frozen
+
+    def _advance(self, p, dt):
+        n, initial = p.owned, self.pores.porosity[p.material[: p.owned]]
+        _close_pores(n, p.jacobian, p.porosity)
+        if self.frozen:
+            return
+        if self.profile.varies:
+            p.pore_pressure[:] = self.profile.at(p.position[:n])
+        ratio = (1.0 - initial) / (1.0 - p.porosity)
+        p.saturation[:] = saturations(self.curves, p.material[:n], -p.pore_pressure, p.porosity, ratio)
+        self._exchange(p, p.saturation * p.porosity * p.present_volume() * p.jacobian)
+
+
+class UndrainedWater(PoreWater):
+    """Water that stays with its point, w m^3 at zero pressure: pressure follows from it and the volume of the pores.
+
+    In relaxation, which takes all the time in the world, it keeps its pressure and enters or leaves. The volume is that
+    which the laws see, so that pressure works on what it depends on. Point fields: `water_content` m^3, `pore_dilation`
+    (present over initial volume).
+    """
+
+    def attach(self, sim) -> None:
+        """Declare the point fields, and tell blocks what stiffness the water adds to theirs."""
+        super().attach(sim)
+        sim.particles.add_field(Field("water_content", None, "m^3", sent=False))
+        sim.particles.add_field(Field("pore_dilation", None, "1", sent=False))
+        for block in sim.bonds.blocks:
+            block.pore_stiffness = self._stiffness
+
+    def initial_fields(self, owned) -> None:
+        """Set what the water is at new points, given `position`, `volume`, `material` and dry `mass`."""
+        super().initial_fields(owned)
+        content = owned["saturation"] * owned["porosity"] * owned["volume"]
+        owned["water_content"] = content * (1.0 + owned["pore_pressure"] / self.pores.bulk_modulus)
+        owned["pore_dilation"] = np.ones(len(content))
+
+    def _advance(self, p, dt):
+        follow_volume(p, self._sim.scheme.seen_gradient(p), dt)
+        state = p.owned, p.material, self.pores.porosity, p.volume, p.pore_dilation, self.pores.bulk_modulus
+        if self._sim.rate_independent:
+            fill_content(*state, self.curves, p.pore_pressure, p.porosity, p.saturation, p.water_content)
+            self._exchange(p, p.water_content)
+        else:
+            fill_pressure(*state, self.curves, p.water_content, p.porosity, p.saturation, p.pore_pressure)
+
+    def _stiffness(self, block) -> np.ndarray:
+        """What the water of the points adds to the bulk modulus of a block's rows, (n,) Pa."""
+        p = self._sim.particles
+        rows = np.asarray(block.first, np.int64)
+        return pore_stiffness(
+            rows, p.material, self.pores.bulk_modulus, self.curves, p.pore_pressure, p.porosity, p.pore_dilation
+        )
+
 
 def bonding_column(material) -> int | None:
     """The state column that holds the bonding variable, if the law has one."""
@@ -177,26 +203,13 @@ def bonding_column(material) -> int | None:
     return fields.index(BONDING) if BONDING in fields else None
 
 
-def bonding_variable(suction: float, saturation: np.ndarray) -> np.ndarray:
-    """xi = f(s) (1 - S_r), f = 1 + x/(10.7 + 2.4 x), x = suction over atmospheric pressure.
+def bonding_variable(suction, saturation: np.ndarray) -> np.ndarray:
+    """xi = f(s) (1 - S), f = 1 + x/(10.7 + 2.4 x), x = suction over atmospheric pressure.
 
     Gallipoli et al. (2003), with the fit of f by Borja (2004).
     """
     x = suction / ATMOSPHERE
     return (1.0 + x / (10.7 + 2.4 * x)) * (1.0 - saturation)
-
-
-@inlined
-def _power(base, exponent):
-    return base**exponent if base > 0.0 else 0.0 * base
-
-
-@kernel
-def _fill_saturation(suction, porosity, ratio, alpha1, alpha2, alpha3, saturation):
-    for i in range(porosity.shape[0]):
-        voids = porosity[i] / (1.0 - porosity[i])  # v - 1
-        x = alpha1 * _power(voids, alpha2) * ratio[i] * suction / _KILOPASCAL
-        saturation[i] = (1.0 + _power(x, alpha3)) ** ((1.0 - alpha3) / alpha3)
 
 
 @kernel
@@ -208,11 +221,9 @@ def _close_pores(owned, jacobian, porosity):
 
 
 @kernel
-def _exchange_water(
-    owned, water_density, porosity, saturation, volume, grain_mass, mass, velocity, work, dim
-):
+def _exchange_water(owned, density, content, grain_mass, mass, velocity, work, dim):
     for i in range(owned):
-        wet = grain_mass[i] + water_density * saturation[i] * porosity[i] * volume[i]
+        wet = grain_mass[i] + density * content[i]
         square = 0.0
         for a in range(len(dim)):
             square += velocity[i, a] ** 2

@@ -11,7 +11,7 @@ import numpy as np
 
 from periporo.io.geometry.points import counted_from
 from periporo.io.geometry.shapes import bounds
-from periporo.io.schema.base import SceneModel
+from periporo.io.schema.base import History, SceneModel
 from periporo.io.schema.bodies import Points
 from periporo.io.schema.scene import SceneInput
 
@@ -58,7 +58,7 @@ def _moved(value: Any, origin: list[float], level: float) -> Any:
             case "point":
                 changed[name] = _point(before, origin)
             case "level":
-                changed[name] = counted_from(before, level)
+                changed[name] = _level(before, level)
             case "z":
                 changed[name] = tuple(counted_from(z, origin[2]) for z in before)
             case _:
@@ -67,6 +67,13 @@ def _moved(value: Any, origin: list[float], level: float) -> Any:
     if isinstance(copy, Points):
         copy._origin = tuple(origin)
     return copy
+
+
+def _level(value: float | History, level: float) -> float | History:
+    """A level, or a history of it."""
+    if isinstance(value, History):
+        return value.model_copy(update={"values": tuple(counted_from(v, level) for v in value.values)})
+    return counted_from(value, level)
 
 
 def _point(value: tuple, origin: list[float]) -> tuple:

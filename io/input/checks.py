@@ -11,7 +11,7 @@ from periporo.io.schema.base import MotionComponents, Region, SceneModel
 from periporo.io.schema.bodies import Body, Polygon, StressComponents
 from periporo.io.schema.contacts import Boundary, Traction
 from periporo.io.schema.errors import model_problems
-from periporo.io.schema.scene import SceneInput
+from periporo.io.schema.scene import POINT_SCHEMES, SceneInput
 from periporo.materials import registry
 
 _ONLY_IN_2D = ("disc", "polyline")
@@ -191,9 +191,17 @@ def _motion_problems(scene: SceneInput) -> Iterator[Problem]:
 
 
 def _water_problems(scene: SceneInput) -> Iterator[Problem]:
-    """Pore water in a scene with a law that has its own."""
-    if scene.pore_water is None:
+    """Pore water in a scene with a law that has its own, or without what it needs."""
+    water = scene.pore_water
+    if water is None:
         return
+    for name in ("water_table", "free_water"):
+        if getattr(water, name) is not None and not any(scene.gravity or ()):
+            yield Problem(("pore_water", name), "a level of water needs gravity; give 'gravity', or a suction")
+    if water.drainage == "undrained" and scene.correspondence.scheme not in POINT_SCHEMES:
+        choice_of = " or ".join(POINT_SCHEMES)
+        message = f"water that cannot leave its point needs a law there: choose correspondence {choice_of}"
+        yield Problem(("correspondence",), f"{message}, not {scene.correspondence.scheme}")
     for name, material in scene.materials.items():
         if getattr(registry.load(material.model), "owns_pore_pressure", False):
             message = (

@@ -21,8 +21,9 @@ from periporo.io.schema.base import (
     Text,
     key,
 )
-from periporo.io.schema.bodies import Body, ExistingFile, InitialStress, MaterialInput
+from periporo.io.schema.bodies import Body, InitialStress, MaterialInput
 from periporo.io.schema.contacts import Boundary, Contact
+from periporo.io.schema.water import PoreWater
 
 _RESULT_SUFFIXES = (".vtkhdf", ".h5", ".hdf5")
 
@@ -36,35 +37,6 @@ def _inside_the_working_folder(name: str) -> str:
     if path.suffix not in _RESULT_SUFFIXES:
         raise ValueError(f"{name!r} must end in one of {', '.join(_RESULT_SUFFIXES)}")
     return name
-
-
-class Retention(SceneModel):
-    """Water retention: a named set, or three parameters, or a table."""
-
-    set: Literal["menon_song", "fitted"] | None = key("a named set of parameters", default=None)
-    alpha1: Real | None = key("parameter alpha1", "1/kPa", default=None, gt=0, le=1e6)
-    alpha2: Real | None = key("parameter alpha2", "1", default=None, ge=0, le=1e3)
-    alpha3: Real | None = key("parameter alpha3", "1", default=None, gt=1, le=1e3)
-    table: ExistingFile | None = key("CSV file with suction and saturation", default=None)
-
-    @model_validator(mode="after")
-    def _is_one_kind(self):
-        alphas = [self.alpha1, self.alpha2, self.alpha3]
-        some = any(a is not None for a in alphas)
-        if [self.set is not None, some, self.table is not None].count(True) != 1:
-            raise ValueError("give exactly one of: set; alpha1, alpha2 and alpha3; table")
-        if some and any(a is None for a in alphas):
-            raise ValueError("give all of alpha1, alpha2, alpha3")
-        return self
-
-
-class PoreWater(SceneModel):
-    """Water in the pores at constant suction; it flows in and out freely or, frozen, not at all."""
-
-    suction: Real = key("suction", "Pa", ge=0, le=1e9)
-    retention: Retention = key("the retention curve")
-    water_density: Real = key("density of the water", "kg/m^3", default=1000.0, ge=1, le=1e5)
-    frozen: Flag = key("keep saturation and mass of the water as they are at the start", default=False)
 
 
 class RelaxStage(SceneModel):
@@ -103,6 +75,8 @@ Stage = Annotated[RelaxStage | DynamicsStage, Field(discriminator="type")]
 
 SchemeName = Literal["bond_projected", "point_state", "standard", "sub_horizon", "sub_horizon_published"]
 
+POINT_SCHEMES = ("point_state", "standard")
+"""Schemes with one row of a law for each point."""
 
 _SCHEMES_WITH = {  # option -> schemes that have it
     "self_point": ("sub_horizon_published",), "average_ends": ("sub_horizon_published",),

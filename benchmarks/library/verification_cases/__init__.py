@@ -66,4 +66,5 @@ CASES = (
     Case("V21", slopes.vertical_cut, ("bond_projected",)),
     Case("V21", slopes.sand_slope),
     Case("collapse", collapse.collapse),
+    Case("W9", waves.undrained_wave),
 )

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.interpolate import PchipInterpolator
 
 from periporo.core.points.forces import WORK
-from periporo.core.water.pore_water import RETENTION, RetentionCurve, RetentionTable, bonding_variable
+from periporo.core.water.pore_water import bonding_variable
+from periporo.core.water.retention import RETENTION, of_voids
 from periporo.errors import InputError
 from periporo.materials.cam_clay import bonding_exponents
 
@@ -18,43 +18,7 @@ def wet(scene_of, law, water=WATER, **keys):
 
 
 def at(name, suction, porosity=0.2, ratio=1.0):
-    return RetentionCurve(*RETENTION[name]).saturation(suction, np.array([porosity]), np.array([ratio]))[0]
-
-
-def test_both_parameter_sets():
-    """The printed parameters give nearly full pores; the fitted ones the saturations that the paper states."""
-    assert [at("menon_song", s) for s in (25e3, 50e3)] == pytest.approx([0.9996, 0.9989], abs=5e-5)
-    assert [at("fitted", s) for s in (25e3, 50e3)] == pytest.approx([0.92, 0.88], abs=5e-4)
-    for name in RETENTION:
-        assert at(name, 0.0) == 1.0
-        assert at(name, 1e12) < 0.2
-
-
-def test_retention_follows_the_volume():
-    """x = alpha1 (v - 1)^alpha2 J s with v = 1/(1 - phi): compaction of the pores holds water back."""
-    a1, a2, a3 = RETENTION["fitted"]
-    porosity, ratio, suction = 0.35, 1.23, 40e3
-    x = a1 * (1.0 / (1.0 - porosity) - 1.0) ** a2 * ratio * 40.0
-    assert at("fitted", suction, porosity, ratio) == pytest.approx((1 + x**a3) ** ((1 - a3) / a3), rel=1e-14)
-    assert at("fitted", suction, 0.15, 0.94) > at("fitted", suction) > at("fitted", suction, 0.3, 1.14)
-    assert at("fitted", suction, 0.0) == 1.0 and np.isnan(at("fitted", suction, np.nan))
-
-
-def test_table_is_a_monotone_interpolation():
-    s, y = np.array([0.0, 5e3, 20e3, 60e3, 90e3]), np.array([1.0, 0.97, 0.6, 0.55, 0.2])
-    table, reference = RetentionTable(s, y), PchipInterpolator(s, y)
-    inner = np.linspace(5e3, 60e3, 301)  # beyond, the end slopes differ
-    found = np.array([table.saturation(x, np.zeros(1), np.ones(1))[0] for x in inner])
-    assert found == pytest.approx(reference(inner), abs=1e-13)
-    everywhere = np.array([table.saturation(x, np.zeros(1), np.ones(1))[0] for x in np.linspace(0, 1e5, 999)])
-    assert (np.diff(everywhere) <= 1e-15).all() and everywhere[-1] == 0.2
-    assert table.saturation(20e3, np.zeros(3), np.ones(3)) == pytest.approx([0.6] * 3)
-
-
-@pytest.mark.parametrize("rows", [([0, 1], [1.0, 1.1]), ([0, 0], [1.0, 0.9]), ([0, 1], [0.5, 0.9]), ([0], [1.0])])
-def test_a_table_that_is_no_retention_curve_is_refused(rows):
-    with pytest.raises(ValueError, match="retention table"):
-        RetentionTable(*rows)
+    return of_voids(*RETENTION[name]).saturation(suction, np.array([porosity]), np.array([ratio]))[0]
 
 
 def test_table_from_a_file(tmp_path, scene_of, started, cam_clay_input):
@@ -144,7 +108,7 @@ def test_water_enters_and_leaves_and_the_ledger_closes(scene_of, started, cam_cl
     volume = p.present_volume()
     porosity = 1.0 - (1.0 - 0.2) * (grains / dry) / volume
     assert p.porosity == pytest.approx(porosity, rel=1e-10)
-    saturation = RetentionCurve(*RETENTION["fitted"]).saturation(25e3, porosity, (1 - 0.2) / (1 - porosity))
+    saturation = of_voids(*RETENTION["fitted"]).saturation(25e3, porosity, (1 - 0.2) / (1 - porosity))
     assert p.saturation == pytest.approx(saturation, rel=1e-9)
     assert p.mass == pytest.approx(grains + 1000 * saturation * porosity * volume, rel=1e-12)
     assert np.ptp(p.porosity) > 1e-3 and abs(p.mass.sum() / mass - 1.0) > 1e-4

@@ -1,0 +1,103 @@
+"""The water that a point holds, and its pressure: one monotone scalar equation.
+
+w = phi V S(-p) (1 + p/K_w), with the volume of the grains (1 - phi) V constant. Full pores answer with
+p = K_w (w/(phi V) - 1); others with the suction of the retention curve. At p = 0 the two meet; the compressibility of
+the water keeps the slope positive where the curve is flat.
+"""
+
+import numpy as np
+
+from periporo.core.numerics import algebra as la
+from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.water.retention import FULL, saturation_of
+
+_CONVERGED = 1e-14  # of the pore volume, in the equation for the suction
+_MOST_ITERATIONS = 200
+_FIRST_SUCTION = 1e3  # Pa
+
+
+def follow_volume(p, gradient, dt: float) -> None:
+    """Let `pore_dilation` of the owned points take the volume ratio of a step of `dt` s with `gradient` (n, >= d^2)."""
+    _follow_volume(p.owned, dt, gradient, p.share, p.pore_dilation, p.dim)
+
+
+@kernel
+def _follow_volume(owned, dt, gradient, share, dilation, dim):
+    for i in range(owned):
+        if share[i, 1] > 0.0:
+            dilation[i] *= 1.0 / la.determinant_minus(la.scaled(la.matrix_at(gradient, i, 0, dim), dt))
+
+
+@inlined
+def _pores(solid, dilation):
+    """phi where the grains fill the part `solid` of the initial volume; pores close at 0."""
+    value = 1.0 - solid / dilation
+    return value if value > 0.0 or np.isnan(value) else 0.0
+
+
+@kernel
+def fill_content(
+    owned, material, initial_porosity, volume, dilation, bulk, curves, pressure, porosity, saturation, content
+):
+    """w m^3, phi and S of the owned points under their `pressure`."""
+    for i in range(owned):
+        m = material[i]
+        porosity[i] = _pores(1.0 - initial_porosity[m], dilation[i])
+        saturation[i], _ = saturation_of(curves, m, -pressure[i], porosity[i], dilation[i])
+        content[i] = porosity[i] * dilation[i] * volume[i] * saturation[i] * (1.0 + pressure[i] / bulk)
+
+
+@kernel
+def fill_pressure(
+    owned, material, initial_porosity, volume, dilation, bulk, curves, content, porosity, saturation, pressure
+):
+    """p Pa, phi and S of the owned points that hold `content` m^3 of water."""
+    for i in range(owned):
+        m = material[i]
+        porosity[i] = _pores(1.0 - initial_porosity[m], dilation[i])
+        filled = content[i] / (porosity[i] * dilation[i] * volume[i])
+        if filled >= 1.0 or curves[m, 0] == FULL or np.isnan(filled):
+            saturation[i], pressure[i] = 1.0, bulk * (filled - 1.0)
+        else:
+            s = _suction(curves, m, bulk, filled, -pressure[i], porosity[i], dilation[i])
+            saturation[i], _ = saturation_of(curves, m, s, porosity[i], dilation[i])
+            pressure[i] = -s
+
+
+@inlined
+def _suction(curves, m, bulk, filled, guess, porosity, ratio):
+    """Suction at which S (1 - s/K_w) is `filled`, by Newton's method within a bracket that halves."""
+    low, high = 0.0, bulk
+    s = guess if 0.0 < guess < high else min(_FIRST_SUCTION, 0.5 * high)
+    for _ in range(_MOST_ITERATIONS):
+        value, slope = saturation_of(curves, m, s, porosity, ratio)
+        excess = value * (1.0 - s / bulk) - filled
+        if abs(excess) <= _CONVERGED:
+            break
+        if excess > 0.0:
+            low = s
+        else:
+            high = s
+        s -= excess / (slope * (1.0 - s / bulk) - value / bulk)
+        if not low < s < high:
+            s = 0.5 * (low + high) if low > 0.0 else 0.1 * high
+        if high - low <= 1e-15 * high:
+            break
+    return s
+
+
+def pore_stiffness(rows, material, bulk: float, curves, pressure, porosity, dilation) -> np.ndarray:
+    """Rate of S p with a volumetric strain of compression at constant w, (n,) Pa, of the points `rows`."""
+    result = np.empty(len(rows))
+    _fill_stiffness(rows, material, bulk, curves, pressure, porosity, dilation, result)
+    return result
+
+
+@kernel
+def _fill_stiffness(rows, material, bulk, curves, pressure, porosity, dilation, result):
+    for r in range(rows.shape[0]):
+        i = rows[r]
+        s, slope = saturation_of(curves, material[i], -pressure[i], porosity[i], dilation[i])
+        squeezed = 1.0 + pressure[i] / bulk
+        rate = s * squeezed / (porosity[i] * (s / bulk - slope * squeezed))  # of p
+        result[r] = rate * max(s - pressure[i] * slope, 0.0)

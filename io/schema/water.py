@@ -1,0 +1,86 @@
+"""Input of the water in the pores, and outside."""
+
+from typing import Literal
+
+from pydantic import model_validator
+
+from periporo.io.schema.base import Coordinate, Flag, Motion, Real, SceneModel, key
+from periporo.io.schema.bodies import ExistingFile
+
+
+class VanGenuchten(SceneModel):
+    """Effective saturation [1 + (alpha s)^n]^(1/n - 1)."""
+
+    alpha: Real = key("parameter alpha", "1/kPa", gt=0, le=1e6)
+    n: Real = key("parameter n", "1", gt=1, le=100)
+    residual: Real = key("residual saturation", "1", default=0.0, ge=0, lt=1)
+
+
+class Exponential(SceneModel):
+    """Effective saturation exp(-alpha s)."""
+
+    alpha: Real = key("parameter alpha", "1/kPa", gt=0, le=1e6)
+    residual: Real = key("residual saturation", "1", default=0.0, ge=0, lt=1)
+
+
+class Retention(SceneModel):
+    """Water retention: a named set, or the three parameters of such a set, or a formula, or a table."""
+
+    set: Literal["menon_song", "fitted"] | None = key("a named set of parameters", default=None)
+    alpha1: Real | None = key("parameter alpha1", "1/kPa", default=None, gt=0, le=1e6)
+    alpha2: Real | None = key("parameter alpha2", "1", default=None, ge=0, le=1e3)
+    alpha3: Real | None = key("parameter alpha3", "1", default=None, gt=1, le=1e3)
+    van_genuchten: VanGenuchten | None = key("van Genuchten's formula", default=None)
+    exponential: Exponential | None = key("Gardner's formula", default=None)
+    table: ExistingFile | None = key("CSV file with suction and saturation", default=None)
+
+    @model_validator(mode="after")
+    def _is_one_kind(self):
+        alphas = [self.alpha1, self.alpha2, self.alpha3]
+        some = any(a is not None for a in alphas)
+        kinds = [self.set, self.van_genuchten, self.exponential, self.table]
+        if some + sum(kind is not None for kind in kinds) != 1:
+            raise ValueError(
+                "give exactly one of: set; alpha1, alpha2 and alpha3; van_genuchten; exponential; table"
+            )
+        if some and any(a is None for a in alphas):
+            raise ValueError("give all of alpha1, alpha2, alpha3")
+        return self
+
+
+class FreeWater(SceneModel):
+    """Water at rest around the bodies: it presses on them, and lifts what is below its level."""
+
+    level: Motion = key("level against gravity: a number or {times, values}", "m", place="level")
+
+
+class PoreWater(SceneModel):
+    """Water in the pores: its pressure at the start, and whether it can leave."""
+
+    suction: Real | None = key("the same suction everywhere", "Pa", default=None, ge=0, le=1e9)
+    water_table: Coordinate | None = key(
+        "level against gravity below which pressure is that of water at rest", "m", default=None, place="level"
+    )
+    largest_suction: Real = key(
+        "above the water table suction grows with height up to this", "Pa", default=0.0, ge=0, le=1e9
+    )
+    drainage: Literal["drained", "undrained"] = key(
+        "water keeps the pressure of its place, or cannot leave its point, with a pressure that follows the volume",
+        default="drained",
+    )
+    retention: Retention | None = key("the retention curve; default: pores are always full", default=None)
+    porosity: Real | None = key("porosity of materials whose law has none", "1", default=None, gt=0, lt=1)
+    free_water: FreeWater | None = key("water outside; default none", default=None)
+    bulk_modulus: Real = key("bulk modulus of the water", "Pa", default=2.2e9, ge=1e3, le=1e12)
+    water_density: Real = key("density of the water", "kg/m^3", default=1000.0, ge=1, le=1e5)
+    frozen: Flag = key("keep saturation and mass of drained water as they are at the start", default=False)
+
+    @model_validator(mode="after")
+    def _has_a_start(self):
+        if (self.suction is None) == (self.water_table is None):
+            raise ValueError("give exactly one of: suction (0 for full pores without pressure), water_table")
+        if self.largest_suction > 0.0 and self.water_table is None:
+            raise ValueError("largest_suction belongs to a water_table; leave it out, or give one")
+        if self.frozen and self.drainage != "drained":
+            raise ValueError("frozen is for drained water; undrained water stays anyway: leave frozen out")
+        return self
