@@ -11,6 +11,7 @@ closes to rounding. The work of pressure on the pores is part of the internal wo
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from periporo.core.points.forces import WORK
 from periporo.core.points.material import BONDING
 from periporo.core.points.particles import Field
 from periporo.core.water.content import fill_content, fill_pressure, follow_volume, pore_stiffness
-from periporo.core.water.pressure import FreeWater, Profile
+from periporo.core.water.pressure import FreeWater, Profile, UniformSuction
 from periporo.core.water.retention import Retention, packed, saturations
 
 _EXTERNAL = WORK.index("external")
@@ -50,7 +51,7 @@ class Pores:
         """Mass of water per area (n,) kg/m^2 in a `material` between a fixed level and `level` (n,) m at the start."""
         level = np.asarray(level, float)
         full = self.density * self.porosity[material]
-        if not profile.varies:
+        if isinstance(profile, UniformSuction):
             return full * self.initial_saturation(material, profile.of_level(level[:1])) * level
         below = np.minimum(level, profile.table) - profile.table
         above = np.maximum(level - profile.table, 0.0)
@@ -79,7 +80,7 @@ class PoreWater:
         largest = -np.array([profile.largest_suction])
         driest = np.concatenate([pores.initial_saturation(m, largest) for m in range(len(pores.porosity))])
         self.largest_bonding = bonding_variable(-largest, driest)
-        self._sim = None
+        self._sim: Any = None
         self._bonds = False  # whether a law wants to know the bonding by suction
 
     def attach(self, sim) -> None:

@@ -50,7 +50,7 @@ def _moved(value: Any, origin: list[float], level: float) -> Any:
         return {name: _moved(entry, origin, level) for name, entry in value.items()}
     if not isinstance(value, SceneModel):
         return value
-    changed = {}
+    changed: dict[str, Any] = {}
     for name, info in type(value).model_fields.items():
         before = getattr(value, name)
         extra = info.json_schema_extra
