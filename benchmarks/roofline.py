@@ -66,7 +66,7 @@ def kernels(sim) -> dict:
     """Name -> (function, items that it goes through, bytes per item)."""
     p, pairs, law, scheme, links = sim.particles, sim.bonds.pairs, sim.bonds.blocks[0], sim.scheme, sim.bonds.links
     force, pull = np.zeros_like(p.position), np.zeros(len(pairs.first))
-    d, c, m, wide = p.dimension, p.components, p.dimension**2, p.weighed.shape[1]
+    d, c, m = p.dimension, p.components, p.dimension**2
     shape = d * (d + 1) // 2
     ends, n, points = 8, len(pairs.first), p.owned
     near = int((pairs.weight > 0.0).sum())
@@ -82,9 +82,9 @@ def kernels(sim) -> dict:
                 p.gradient, p.jacobian, p.dim),
             points, 8 * (1 + shape + m + 3 + 3 + shape + m + 1)),
         "neighbours' gradients": (
-            lambda: sharpening._sum_neighbours(
-                pairs.first, pairs.second, pairs.weight, p.weighed, p.sharp, (0.0,) * wide),
-            near, ends + 8 + 6 * 8 * wide),
+            lambda: sharpening._sum_differences(
+                pairs.first, pairs.second, pairs.weight, p.volume, p.share, p.gradient, p.sharp, p.dim),
+            near, ends + 8 + 2 * 8 * 3 + 6 * 8 * m),
         "strain": (
             lambda: kinematics.strain_rows(
                 law.first, law.active, p.sharp, sim.dt, law.stress, law.strain_increment, law.state,
@@ -95,12 +95,12 @@ def kernels(sim) -> dict:
             points, 8 * 3 * c),
         "links": (
             lambda: point_state._strain_links(
-                pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.gradient, p.link, p.spread,
-                scheme.closest, sim.dt, links.active, links.stress, pull, p.flux, p.dim),
+                pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.gradient, p.link, p.seen,
+                0.5, scheme.closest, sim.dt, links.active, links.stress, pull, p.flux, p.dim),
             near, ends + 8 + 1 + 24 + 2 * 8 * (2 * d + m + 4 + m) + 8 * 8 * m),
         "close flux": (
             lambda: point_state._close_flux(
-                law.first, law.active, law.total_stress, p.volume, p.share, 0.5, p.shape_inverse, p.flux, p.dim),
+                law.first, law.active, law.total_stress, p.volume, p.share, p.shape_inverse, p.flux, p.dim),
             points, 8 * (c + 1 + 3 + shape + 2 * m)),
         "force": (
             lambda: flux.add_flux_force(p, pairs, force, pull),

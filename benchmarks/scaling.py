@@ -34,7 +34,7 @@ ELASTIC = {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_m
 SAND = {"model": "drucker_prager", "density": 1600.0, "bulk_modulus": 2e5, "shear_modulus": 1e5,
         "friction_angle": 15.0, "cohesion": 0.0}  # fmt: skip
 # fields that ghosts receive in each step with the default scheme, one message each
-EXCHANGES = (("position", "velocity"), ("share", "gradient"), ("link", "spread"), ("flux",))
+EXCHANGES = (("position", "velocity"), ("share", "gradient"), ("link", "seen"), ("flux",))
 RANKS = (1, 2, 4, 8, 16)
 SHARED_CORES = {"MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT": "64"}
 

@@ -133,7 +133,7 @@ class BodiesContact:
             stiffness, p.dim,
         )  # fmt: skip
 
-    def resist(self, p: Particles, time: float, dt: float, force: np.ndarray) -> None:
+    def resist(self, p: Particles, time: float, dt: float, force: np.ndarray, moment: np.ndarray) -> None:
         """Add to `force` (total, d) what pairs that may touch soon hold against a motion with `velocity` for `dt`."""
         self._look(p)
         if not self._present:

@@ -44,7 +44,7 @@ class Repulsion:
     def add_stiffness(self, p: Particles, time: float, stiffness) -> None:
         """Nothing: the spring is too soft to matter for the time step."""
 
-    def resist(self, p: Particles, time: float, dt: float, force) -> None:
+    def resist(self, p: Particles, time: float, dt: float, force, moment) -> None:
         """Nothing, as above."""
 
 

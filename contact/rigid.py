@@ -1,19 +1,36 @@
 """Contact of points with rigid analytic surfaces: penalty along the normal, Coulomb stick-slip along the surface.
 
-A point stands for a cell, so it touches when its distance to the surface falls below half a spacing. The
-tangential force is a spring from where the point began to stick; where it would exceed friction times the
-normal force, the spring is cut to that and the point slides (Cundall & Strack 1979). The channel `contact`
-holds the elastic normal force, `friction` the tangential force and the normal damping.
+A point stands for a cell, whose face (`periporo.core.points.faces`) is what touches. It lies on the way to the surface,
+where the cell ends: half a spacing from the point at first, and as the cell is squeezed between point and surface, or
+stretched, its reach l follows the point's velocity gradient L along the normal n,
+
+    dl/dt = d n . L n - 10 |D| (l - l_0),
+
+with d the lever of the face, the distance g of the point from the surface; beyond .7 spacings it falls to 0 at a
+spacing. The overlap h = l - g has the rate of the face's approach, so that the normal force k h has the potential
+k h^2 / 2 and a closed path of small strain gains no energy. Soil that flows changes its neighbours and not its spacing:
+therefore a tenth of strain (D is the rate) lets a cell forget how it was squeezed, and one that is off the surface by
+more than a tenth of a spacing has its first reach l_0 again. What lifts a cell that forgets is the work `recovery`: its
+half at the surface so counts as rigid.
+
+The tangential force is a spring on the face from where it began to stick; where it would exceed friction times the
+normal force, the spring is cut to that and the face slides (Cundall & Strack 1979). The channel `contact` holds the
+elastic normal force, `friction` the tangential force and the normal damping, which acts on the point: a face has less
+mass than its point, and its damping would need shorter steps.
 """
 
 import numpy as np
 
 from periporo.contact.surfaces import Surface
-from periporo.core.numerics.jit import kernel
-from periporo.core.points.forces import ForceChannels
+from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.points.faces import add_face_force, face_velocity
+from periporo.core.points.forces import CONTACT, RECOVERY, ForceChannels
 from periporo.core.points.particles import Field, Particles
 
 _SOON = 1.5  # reaches within which a point counts as one that may touch soon
+_OFF = 0.2  # reaches
+_MEMORY = 0.1  # strain in which a cell forgets its stretch
+_WHOLE = 1.4  # reaches up to which the lever is the distance from the surface; it is 0 at 2
 
 
 class RigidContact:
@@ -34,16 +51,26 @@ class RigidContact:
         self.friction = friction
         self.damping = damping
         self.velocity = velocity
-        self.spring = f"contact_spring_{name}"
+        self.spring, self.cell = f"contact_spring_{name}", f"contact_cell_{name}"
         self._time: float | None = None
         self._since = 0.0  # s, when it appeared
         self._chosen = None, None, None  # point ids, obstacle's shift, rows near it
 
     def attach(self, p: Particles, forces: ForceChannels) -> None:
-        """Declare the stick springs (elongation, m) and the force channels."""
+        """Declare the stick springs (elongation, m), the cells, and the force channels.
+
+        Of a cell, its first reach and the present one are kept, both beyond half a spacing (m).
+        """
         p.add_field(Field(self.spring, p.dimension, "m", sent=False))
-        forces.need("contact")
-        forces.need("friction")
+        p.add_field(Field(self.cell, 2, "m", sent=False))
+        forces.need("contact", on_faces=True)
+        forces.need("friction", on_faces=True)
+
+    def fit(self, p: Particles, slack: np.ndarray) -> None:
+        """Have cells that miss the surface by at most `slack` (owned,) m, or overlap so far, reach just to it."""
+        gap, _ = self.surface.gap(p.position[: p.owned])
+        missed = gap - self.reach
+        getattr(p, self.cell)[:] = np.where(np.abs(missed) <= slack, missed, 0.0)[:, None]
 
     def appear(self, p: Particles, time: float, before: list) -> None:
         """Begin to act, where its entry says."""
@@ -61,28 +88,37 @@ class RigidContact:
             return
         gap, normal = self.surface.gap(p.position[rows] - shift)
         _contact_force(
-            rows, gap, np.ascontiguousarray(normal), p.velocity, obstacle, p.mass, dt, self.reach, self.stiffness,
-            self.friction, self.damping, getattr(p, self.spring), p.contact_force, p.friction_force, p.dim,
+            rows, gap, np.ascontiguousarray(normal), p.velocity, p.gradient, p.share, obstacle, p.mass, dt, self.reach,
+            self.stiffness, self.friction, self.damping, getattr(p, self.spring), getattr(p, self.cell),
+            p.contact_force, p.contact_moment, p.friction_force, p.friction_moment, p.work, p.dim,
         )  # fmt: skip
 
     def add_stiffness(self, p: Particles, time: float, stiffness: np.ndarray) -> None:
         """Add the contact's stiffness (N/m) to `stiffness` (owned,) of the points that it holds or may soon."""
+        rows, _, _ = self._held(p, time)
+        stiffness[rows] += self.stiffness
+
+    def resist(self, p: Particles, time: float, dt: float, force: np.ndarray, moment: np.ndarray) -> None:
+        """Add what holds those points, at most, against a motion with `velocity` for `dt`: forces on their faces."""
+        rows, gap, normal = self._held(p, time)
+        _resist(
+            rows, gap, normal, p.velocity, p.gradient, p.share, self.reach, dt * self.stiffness, self.friction > 0.0,
+            force, moment, p.dim,
+        )  # fmt: skip
+
+    def _held(self, p, time):
+        """Rows of the points that it holds or may soon, with gaps and normals."""
         shift = self._shift(p, time)
         rows = self._near(p, shift)
-        gap, _ = self.surface.gap(p.position[rows] - shift)
-        stiffness[rows[gap < _SOON * self.reach]] += self.stiffness
+        gap, normal = self.surface.gap(p.position[rows] - shift)
+        held = (gap < _SOON * self.reach) | (getattr(p, self.cell)[rows, 1] > 0.0)
+        return rows[held], gap[held], np.ascontiguousarray(normal[held])
 
     def outline(self, p: Particles, time: float, middle: np.ndarray, size: float):
         """How the obstacle is drawn at this time, see `Surface.outline`."""
         shift = self._shift(p, time)
         points, cells = self.surface.outline(middle - shift, size)
         return points + shift, cells
-
-    def resist(self, p: Particles, time: float, dt: float, force: np.ndarray) -> None:
-        """Add to `force` (total, d) what holds the points against a motion with `velocity` for `dt`, at most."""
-        stiffness = np.zeros(p.owned)
-        self.add_stiffness(p, time, stiffness)
-        force[: p.owned] -= dt * stiffness[:, None] * p.velocity[: p.owned]
 
     def memory(self) -> dict:
         """What a checkpoint keeps."""
@@ -102,42 +138,101 @@ class RigidContact:
             return rows
         gap, _ = self.surface.gap(p.reference_position[: p.owned] - shift)
         near = ~(gap >= _SOON * self.reach + self.skin)  # NaN is near
-        rows = np.flatnonzero(near | getattr(p, self.spring).any(axis=1))
+        rows = np.flatnonzero(near | getattr(p, self.spring).any(axis=1) | getattr(p, self.cell).any(axis=1))
         self._chosen = p.id, shift, rows
         return rows
 
 
+@inlined
+def _set_lever(gap, normal, k, reach, integrity, lever):
+    """Fill `lever` (d,) m with the way from a point to its face."""
+    whole = (2.0 - gap[k] / reach) / (2.0 - _WHOLE)
+    length = integrity * max(gap[k], 0.0) * min(max(whole, 0.0), 1.0)
+    for a in range(lever.shape[0]):
+        lever[a] = -length * normal[k, a]
+
+
+@inlined
+def _strain_rate(gradient, i, d):
+    """|D| of point i, 1/s."""
+    square = 0.0
+    for a in range(d):
+        for b in range(d):
+            square += (0.5 * (gradient[i, d * a + b] + gradient[i, d * b + a])) ** 2
+    return np.sqrt(square)
+
+
 @kernel
-def _contact_force(
-    rows, gap, normal, velocity, obstacle, mass, dt, reach, stiffness, friction, damping, spring, contact, shear, dim
-):
+def _resist(rows, gap, normal, velocity, gradient, share, reach, stiffness, sticks, force, moment, dim):
+    d = len(dim)
+    lever, face, load = np.zeros(d), np.zeros(d), np.zeros(d)
     for k in range(rows.shape[0]):
         i = rows[k]
-        overlap = reach - gap[k]
-        if overlap <= 0.0:
-            for a in range(len(dim)):
+        _set_lever(gap, normal, k, reach, share[i, 1], lever)
+        face_velocity(velocity, gradient, i, lever, face)
+        approach = 0.0
+        for a in range(d):
+            approach += face[a] * normal[k, a]
+        for a in range(d):
+            load[a] = -stiffness * (face[a] if sticks else approach * normal[k, a])
+        add_face_force(force, moment, i, load, lever)
+
+
+@kernel
+def _contact_force(
+    rows, gap, normal, velocity, gradient, share, obstacle, mass, dt, reach, stiffness, friction, damping, spring,
+    cell, contact, contact_moment, shear, shear_moment, work, dim,
+):  # fmt: skip
+    d = len(dim)
+    lever, face, load = np.zeros(d), np.zeros(d), np.zeros(d)
+    for k in range(rows.shape[0]):
+        i = rows[k]
+        off = gap[k] - reach - max(cell[i, 0], cell[i, 1])
+        if off >= 0.0:
+            if off > _OFF * reach:
+                cell[i, 0] = cell[i, 1] = 0.0
+            for a in range(d):
                 spring[i, a] = 0.0
             continue
-        approach = 0.0
-        for a in range(len(dim)):
-            approach += (velocity[i, a] - obstacle[a]) * normal[k, a]
+        _set_lever(gap, normal, k, reach, share[i, 1], lever)
+        face_velocity(velocity, gradient, i, lever, face)
+        approach, own = 0.0, 0.0
+        for a in range(d):
+            face[a] -= obstacle[a]
+            approach += face[a] * normal[k, a]
+            own += (velocity[i, a] - obstacle[a]) * normal[k, a]
+        squeezed = cell[i, 1] + dt * (own - approach)
+        kept = 1.0 / (1.0 + dt * _strain_rate(gradient, i, d) / _MEMORY)
+        cell[i, 1] = cell[i, 0] + kept * (squeezed - cell[i, 0])
+        overlap = reach + cell[i, 1] - gap[k]
+        if overlap <= 0.0:
+            for a in range(d):
+                spring[i, a] = 0.0
+            continue
         viscous = 2.0 * damping * np.sqrt(stiffness * mass[i])
         elastic = stiffness * overlap
-        pressure = elastic - viscous * approach
+        forgotten = elastic * (cell[i, 1] - squeezed)
+        work[i, CONTACT] -= forgotten
+        work[i, RECOVERY] += forgotten
+        pressure = elastic - viscous * own
         if pressure < 0.0:
             pressure = 0.0
         size = 0.0
         along = 0.0
-        for a in range(len(dim)):
-            spring[i, a] += dt * (velocity[i, a] - obstacle[a] - approach * normal[k, a])
+        for a in range(d):
+            spring[i, a] += dt * (face[a] - approach * normal[k, a])
             along += spring[i, a] * normal[k, a]
-        for a in range(len(dim)):
-            spring[i, a] -= along * normal[k, a]  # the surface may have turned under the point
+        for a in range(d):
+            spring[i, a] -= along * normal[k, a]  # the surface may have turned under the face
             size += spring[i, a] ** 2
         size = np.sqrt(size)
         limit = friction * pressure / stiffness
         scale = limit / size if size > limit else 1.0
-        for a in range(len(dim)):
+        for a in range(d):
             spring[i, a] *= scale
-            contact[i, a] += elastic * normal[k, a]
-            shear[i, a] += (pressure - elastic) * normal[k, a] - stiffness * spring[i, a]
+            load[a] = elastic * normal[k, a]
+        add_face_force(contact, contact_moment, i, load, lever)
+        for a in range(d):
+            shear[i, a] += (pressure - elastic) * normal[k, a]
+            load[a] = -stiffness * spring[i, a]
+        add_face_force(shear, shear_moment, i, load, lever)

@@ -66,8 +66,8 @@ class ShortRangePublished:
         """How the substrate is drawn, see `Surface.outline`."""
         return self._box.outline(middle, size)
 
-    def resist(self, p: Particles, time: float, dt: float, force: np.ndarray) -> None:
-        """Add to `force` (total, d) what holds the points against a motion with `velocity` for `dt`, at most."""
+    def resist(self, p: Particles, time: float, dt: float, force: np.ndarray, moment: np.ndarray) -> None:
+        """Add what holds the points that may touch, at most, against a motion with `velocity` for `dt`."""
         stiffness = np.zeros(p.owned)
         self.add_stiffness(p, time, stiffness)
         force[: p.owned] -= dt * stiffness[:, None] * p.velocity[: p.owned]

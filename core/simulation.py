@@ -7,6 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from periporo.core.bonds.bonds import Bonds, RefusedStep
+from periporo.core.loads.boundary import ViscousDamping
 from periporo.core.motion.energy import Ledger
 from periporo.core.motion.integrator import drift, first_kick, second_kick
 from periporo.core.motion.stages import Stage
@@ -221,23 +222,28 @@ class Simulation:
         for process in self.point_processes:
             process.update(p, b, dt)
         timing.lap("point processes")
-        self.scheme.internal_force(p, b, self.halo, p.internal_force)
-        timing.lap("internal force")
         self.apply_loads(dt)
 
     def apply_loads(self, dt: float) -> None:
-        """Forces of contacts and loads at the end of a step of `dt`."""
-        p = self.particles
+        """Forces of contacts and loads at the end of a step of `dt`, and the internal force, which bears them."""
+        p, forces, timing = self.particles, self.forces, self.timing
         end = self.time if self.rate_independent else self.time + dt  # relaxation holds the time, and obstacles
-        for name, array in zip(self.forces.names, self.forces.arrays(), strict=True):
-            if name != "internal":
-                array[:] = 0.0
+        forces.book_moments(0.5 * dt)  # of the loads with which the step began
+        forces.clear()
         for contact in self.contacts:
             contact.add_force(p, end, dt)
-        self.timing.lap("contact")
+        timing.lap("contact")
+        dampings = [load for load in self.loads if isinstance(load, ViscousDamping)]
         for load in self.loads:
-            load.add_force(p, end, dt)
-        self.timing.lap("loads")
+            if load not in dampings:
+                load.add_force(p, end, dt)
+        timing.lap("loads")
+        forces.book_moments(0.5 * dt)
+        self.scheme.internal_force(p, self.bonds, self.halo, p.internal_force, forces.moment())
+        timing.lap("internal force")
+        for damping in dampings:  # which need all other forces
+            damping.add_force(p, end, dt)
+        timing.lap("loads")
 
     def step(self) -> None:
         """Advance from t to t + dt: velocity Verlet, updated Lagrangian."""

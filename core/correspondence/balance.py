@@ -19,7 +19,7 @@ import math
 import numpy as np
 
 from periporo.core.numerics import algebra as la
-from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.numerics.jit import kernel
 from periporo.core.points.particles import Field
 from periporo.core.ranks.reductions import inner
 
@@ -113,11 +113,6 @@ def _over(sums):
     return sums[:, :-1] / np.where(sums[:, -1:] > 0.0, sums[:, -1:], np.inf)
 
 
-def turn(p, dt: float) -> None:
-    """Turn the tilts of owned points and ghosts by their spin of a step of `dt` s."""
-    _turn(p.gradient, dt, p.tilt, p.dim)
-
-
 @kernel
 def _sum_first_moments(first, second, weight, position, volume, moments, dim):
     for b in range(first.shape[0]):
@@ -140,32 +135,3 @@ def _sum_neighbours(first, second, weight, volume, vectors, sums, dim):
             sums[j, a] += weight[b] * volume[i] * vectors[i, a]
         sums[i, len(dim)] += weight[b] * volume[j]
         sums[j, len(dim)] += weight[b] * volume[i]
-
-
-@kernel
-def _turn(gradient, dt, tilt, dim):
-    """a <- (I + dW + dW^2/2) a with its length kept; exact to fourth order if `gradient` is that of the step's end."""
-    d = len(dim)
-    spin, once, twice = np.zeros((d, d)), np.zeros(d), np.zeros(d)
-    for i in range(tilt.shape[0]):
-        for a in range(d):
-            for b in range(d):
-                spin[a, b] = 0.5 * dt * (gradient[i, d * a + b] - gradient[i, d * b + a])
-        _apply(spin, tilt[i], once)
-        _apply(spin, once, twice)
-        before, after = 0.0, 0.0
-        for a in range(d):
-            before += tilt[i, a] ** 2
-            tilt[i, a] += once[a] + 0.5 * twice[a]
-            after += tilt[i, a] ** 2
-        if after > 0.0:
-            for a in range(d):
-                tilt[i, a] *= np.sqrt(before / after)
-
-
-@inlined
-def _apply(matrix, x, image):
-    for a in range(x.shape[0]):
-        image[a] = 0.0
-        for b in range(x.shape[0]):
-            image[a] += matrix[a, b] * x[b]

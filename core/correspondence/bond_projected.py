@@ -27,8 +27,8 @@ stiffness, which grows like 1/|xi|^2, would set the time step of the whole scene
 import numpy as np
 
 from periporo.core.bonds.rows import BOTH, FIRST, PairRows
-from periporo.core.correspondence import balance, kinematics
-from periporo.core.correspondence.flux import add_flux_force
+from periporo.core.correspondence import kinematics
+from periporo.core.correspondence.flux import add_flux_force, begin_flux, close_flux
 from periporo.core.correspondence.influence import influence_table, support
 from periporo.core.correspondence.moments import update_neighbourhoods
 from periporo.core.correspondence.springs import add_spring
@@ -36,6 +36,7 @@ from periporo.core.numerics import algebra as la
 from periporo.core.numerics import vectors
 from periporo.core.numerics.algebra import LANES
 from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.points.faces import turn
 from periporo.core.ranks.reductions import any_rank
 
 CLOSEST = 0.27  # of the horizon: with m = 2.2 what points that are a fifth of a spacing out of place keep, 0.6
@@ -86,7 +87,7 @@ class BondProjected:
         crossed, degenerate = update_neighbourhoods(p, pairs, self.horizon, self.table, dt)
         self._exchange(p, bonds, halo, crossed or degenerate or self._degenerate)
         if self.balanced:
-            balance.turn(p, dt)
+            turn(p.tilt, p.gradient, dt)
         degenerate += int((p.share[p.owned :, 1] == 0.0).sum())
         if crossed or degenerate or self._degenerate:  # otherwise every row is as active as it was
             bonds.admit_newborn(p, material_dt)
@@ -118,17 +119,21 @@ class BondProjected:
     def rearrange(self, particles, motions) -> None:
         """Move points between steps: nothing."""
 
-    def internal_force(self, particles, bonds, halo, force: np.ndarray) -> None:
-        """Fill `force` (total, d) N with the internal force; rows of ghosts are incomplete."""
+    def internal_force(self, particles, bonds, halo, force: np.ndarray, moment: np.ndarray | None = None) -> None:
+        """Fill `force` (total, d) N with the internal force; rows of ghosts are incomplete.
+
+        `moment` (owned, d^2) N m is that of loads on the points' faces.
+        """
         p, pairs = particles, bonds.pairs
-        p.flux[:], force[:] = 0.0, 0.0
+        begin_flux(p, moment)
+        force[:] = 0.0
         for block in bonds.blocks:
             _add_own_force(
                 block.pair, block.side, block.active, pairs.first, pairs.second, pairs.weight, p.position, p.volume,
                 p.share, block.total_stress, self.closest, self.taken, self._tilt(p), p.flux, force,
                 p.dim,
             )  # fmt: skip
-        _close_flux(p.owned, p.volume, p.shape_inverse, p.flux, p.dim)
+        close_flux(p)
         halo.update(p, "flux")
         add_flux_force(p, pairs, force)
 
@@ -204,14 +209,6 @@ def _add_own_force(
         along = along * c
         _, own_force = vectors.add_to_ends(force, i, j, along, along * -1.0, last, own_force)
         last, own_flux = vectors.add_to_ends(flux, i, j, z, z, last, own_flux)
-
-
-@kernel
-def _close_flux(owned, volume, shape_inverse, flux, dim):
-    for i in range(owned):
-        z = la.scaled(la.matrix_at(flux, i, 0, dim), 1.0 / volume[i])
-        z = la.times_shape(z, la.shape_at(shape_inverse, i, 0, dim))
-        la.store(flux, i, 0, z)
 
 
 @kernel

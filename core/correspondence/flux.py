@@ -1,10 +1,36 @@
-"""The force that point fluxes exert along the bonds: conjugate of the points' velocity gradients."""
+"""The force that point fluxes exert along the bonds: conjugate of the points' velocity gradients.
+
+A flux begins as Z_i, what is conjugate to L_i: of stress, and, with the opposite sign, of the moments R (x) d of loads
+that act on a point's face (`periporo.core.points.faces`). It is closed to B_i = Z_i K_i^-1 / V_i, of which forces are
+made.
+"""
 
 import numpy as np
 
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics import vectors
 from periporo.core.numerics.jit import kernel
+
+
+def begin_flux(particles, moment: np.ndarray | None) -> None:
+    """Fill the flux of the owned points with what balances the `moment` (owned, d^2) N m of loads; zero without any."""
+    p = particles
+    p.flux[:] = 0.0
+    if moment is not None:
+        np.negative(moment, out=p.flux[: p.owned])
+
+
+def close_flux(particles) -> None:
+    """From Z to B of the owned points."""
+    p = particles
+    _close_flux(p.owned, p.volume, p.shape_inverse, p.flux, p.dim)
+
+
+@kernel
+def _close_flux(owned, volume, shape_inverse, flux, dim):
+    for i in range(owned):
+        z = la.scaled(la.matrix_at(flux, i, 0, dim), 1.0 / volume[i])
+        la.store(flux, i, 0, la.times_shape(z, la.shape_at(shape_inverse, i, 0, dim)))
 
 
 def add_flux_force(particles, pairs, force: np.ndarray, pull: np.ndarray | None = None) -> None:

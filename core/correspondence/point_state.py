@@ -21,10 +21,11 @@ so does the scheme with the bond's number. Deviator and mean of the stress sigma
 
     r_i = min over both of (a + b)/(a + b + c), a = |part of sigma|, c = |part of trial - sigma|, b = 1e-4 |sigma|,
 
-and the smaller one of both ends counts; b keeps rounding out of it. It is 1 in an elastic step. In steady flow s tends
-to E/(2 mu) times the shear stress times the non-affine over the affine strain rate: it follows what the soil can bear
-and needs no bound of its own. As 0 <= r <= 1 the return only takes energy away. The elastic operator is symmetric and
-positive semi-definite, momenta are conserved to rounding.
+and the smaller one of both ends counts; b keeps rounding out of it. It is 1 in an elastic step. What the deviator loses
+counts E/(2 mu) times, so that in steady flow s tends to the shear stress times the non-affine over the affine strain
+rate, whatever the bulk modulus: it follows what the soil can bear and needs no bound of its own. As 0 <= r <= 1 the
+return only takes energy away. The elastic operator is symmetric and positive semi-definite, momenta are conserved to
+rounding.
 """
 
 import numpy as np
@@ -32,7 +33,7 @@ import numpy as np
 from periporo.core.bonds.rows import PointRows
 from periporo.core.correspondence import point_tilts, regularity, sharpening
 from periporo.core.correspondence.bond_projected import CLOSEST
-from periporo.core.correspondence.flux import add_flux_force
+from periporo.core.correspondence.flux import add_flux_force, begin_flux
 from periporo.core.correspondence.standard import Standard
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics import vectors
@@ -116,40 +117,39 @@ class PointState(Standard):
         """The velocity gradients that laws saw in the step."""
         return p.sharp if self.sharpened else p.gradient
 
-    def internal_force(self, particles, bonds, halo, force: np.ndarray) -> None:
+    def internal_force(self, particles, bonds, halo, force: np.ndarray, moment: np.ndarray | None = None) -> None:
         """Fill `force` (total, d) N with the internal force; rows of ghosts are incomplete.
 
-        Bonds take up the step's non-affine strain here, when it is known how the laws responded: once for each
-        `deform`.
+        `moment` (owned, d^2) N m is that of loads on the points' faces. Bonds take up the step's non-affine strain
+        here, when it is known how the laws responded: once for each `deform`.
         """
         p, pairs, links = particles, bonds.pairs, bonds.links
         if not self._ends_are_known:
             self._describe_ends(p, bonds)
             p.viscous_stress[:] = 0.0
         if self.sharpened:
-            self._spread(p, bonds)
-        sent = ["spread" if self.sharpened else "gradient"]
+            self._show_stress(p, bonds)
+        sent = ["seen" if self.sharpened else "gradient"]
         halo.update(p, *([] if self._ends_are_known else ["link"]), *sent)
         pull = np.empty(len(pairs.first))
-        spread = p.spread if self.sharpened else np.empty((0, p.dimension**2))
-        p.flux[:] = 0.0
+        seen = p.seen if self.sharpened else np.empty((0, p.dimension**2))
+        begin_flux(p, moment)
         _strain_links(
-            pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.gradient, p.link, spread, self.closest,
+            pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.gradient, p.link, seen, self.closest,
             self._dt, links.active, links.stress, pull, p.flux, p.dim,
         )  # fmt: skip
-        factor = self._factors[p.dimension]
         for block in bonds.blocks:
             if self.balanced:
-                point_tilts.tilt_flux(block, p, factor)
+                point_tilts.tilt_flux(block, p)
             _close_flux(
-                block.first, block.active, block.total_stress, p.viscous_stress, p.volume, p.share, factor,
-                p.activity, p.shape_inverse, p.flux, p.dim,
-            )  # fmt: skip
+                block.first, block.active, block.total_stress, p.volume, p.share, p.shape_inverse, p.flux, p.dim
+            )
         halo.update(p, "flux", *(("tilt_force",) if self.balanced else ()))
         force[:] = 0.0
         add_flux_force(p, pairs, force, pull)
         if self.balanced:
             point_tilts.add_force(p, pairs, force)
+        self._dt, self._ends_are_known, p.link[:, 1] = 0.0, True, 1.0  # what is taken up is not taken up again
 
     def regularise(self, particles, bonds, halo) -> None:
         """Keep stress smooth where a law took a part of it away, and say where points move before the next step."""
@@ -180,12 +180,12 @@ class PointState(Standard):
             if block.opening is not None:
                 _let_go(block.first, block.active, block.state[:, block.opening.column], p.link)
 
-    def _spread(self, p, bonds):
+    def _show_stress(self, p, bonds):
         """Find the stress that neighbours see of each point."""
         for block in bonds.blocks:
-            sharpening.spread_stress(
-                block.first, block.active, block.total_stress, p.viscous_stress, p.volume, p.share,
-                self._factors[p.dimension], p.activity, p.sharp, p.spread, p.dim,
+            sharpening.show_stress(
+                block.first, block.active, block.total_stress, p.viscous_stress, self._factors[p.dimension],
+                p.activity, p.seen, p.dim,
             )  # fmt: skip
 
 
@@ -239,6 +239,7 @@ def _find_response(point, active, bulk, shear, turned, strain, stress, link, dim
                 tile[e * LANES + k] += 2.0 * k_shear * strain_k[e] + (volumetric if e < 3 else 0.0) - now[e]
             deviator, mean = _lengths(now)
             lost_deviator, lost_mean = _lengths(la.from_lane(tile, 0, k, like))
+            lost_deviator *= (k_bulk + 4.0 / 3.0 * k_shear) / (2.0 * k_shear)
             least = _LEAST * np.sqrt(deviator**2 + mean**2)
             response[k] = min(_kept_share(deviator + least, lost_deviator), _kept_share(mean + least, lost_mean))
         for k in range(used):
@@ -256,7 +257,7 @@ def _let_go(point, active, opened, link):
 
 @kernel
 def _strain_links(
-    first, second, weight, position, velocity, gradient, link, spread, closest, dt, active, stress, pull, flux, dim
+    first, second, weight, position, velocity, gradient, link, seen, closest, dt, active, stress, pull, flux, dim
 ):
     """New s of every pair, and what links and neighbours give to Z of both ends, in `flux`.
 
@@ -286,24 +287,22 @@ def _strain_links(
         stress[b, 0] = s
         pull[b] = c * s * (stiffness * over)
         to_i = to_j = vectors.dyad(xi * (-0.5 * pull[b]), xi)
-        if spread.shape[0] > 0:
-            to_i += vectors.row(spread, j, matrix) * (-w * link[i, 3])
-            to_j += vectors.row(spread, i, matrix) * (-w * link[j, 3])
+        if seen.shape[0] > 0:
+            sharper = (vectors.row(seen, j, matrix) - vectors.row(seen, i, matrix)) * (0.5 * c)
+            to_i = to_i - sharper
+            to_j += sharper
         last, own = vectors.add_to_ends(flux, i, j, to_i, to_j, last, own)
 
 
 @kernel
-def _close_flux(point, active, stress, viscous, volume, share, g, activity, shape_inverse, flux, dim):
+def _close_flux(point, active, stress, volume, share, shape_inverse, flux, dim):
     """B_i of the points with a row here."""
-    d = len(dim)
     for r in range(point.shape[0]):
         if active[r]:
             i = point[r]
             own = share[i, 2] * volume[i]
             sigma = la.full(la.symmetric_at(stress, r, 0, dim))
             for c in range(len(sigma)):
-                flux[i, c] += (1.0 + g * (1.0 - activity[i])) * own * sigma[c]
-            for a in range(d):
-                flux[i, (d + 1) * a] += own * viscous[i]
+                flux[i, c] += own * sigma[c]
             z = la.scaled(la.matrix_at(flux, i, 0, dim), 1.0 / volume[i])
             la.store(flux, i, 0, la.times_shape(z, la.shape_at(shape_inverse, i, 0, dim)))

@@ -11,9 +11,9 @@ tilted gradient, t_i = Z_i a_i moves with rho_i. So L_i has the conjugate Z_i - 
 the force w V_i V_j (T_i - T_j), T_i = t_i/(W_i V_i).
 """
 
-from periporo.core.correspondence.balance import turn
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics.jit import kernel
+from periporo.core.points.faces import turn
 from periporo.core.points.particles import Field
 
 
@@ -28,7 +28,7 @@ def fields(dimension: int) -> tuple[Field, ...]:
 def tilt_gradients(particles, pairs, dt: float) -> None:
     """Turn the tilts of the owned points to the end of the step of `dt` s, and tilt their gradients."""
     p = particles
-    turn(p, dt)
+    turn(p.tilt, p.gradient, dt)
     p.first_moments[:] = 0.0
     _sum_first_moments(
         pairs.first, pairs.second, pairs.weight, p.volume, p.position, p.velocity, p.first_moments, p.dim
@@ -36,11 +36,11 @@ def tilt_gradients(particles, pairs, dt: float) -> None:
     _tilt(p.owned, p.volume, p.sums, p.share, p.tilt, p.first_moments, p.gradient, p.dim)
 
 
-def tilt_flux(block, particles, g: float) -> None:
+def tilt_flux(block, particles) -> None:
     """From Z of the points with a row in `block`, whose stress is not yet added, to the conjugate of L; and T."""
     p = particles
     _tilt_flux(
-        block.first, block.active, block.total_stress, p.volume, p.share, g, p.sums, p.tilt, p.first_moments,
+        block.first, block.active, block.total_stress, p.volume, p.share, p.sums, p.tilt, p.first_moments,
         p.tilt_force, p.flux, p.dim,
     )  # fmt: skip
 
@@ -88,7 +88,7 @@ def _tilt(owned, volume, sums, share, tilt, moments, gradient, dim):
 
 
 @kernel
-def _tilt_flux(point, active, stress, volume, share, g, sums, tilt, moments, tilt_force, flux, dim):
+def _tilt_flux(point, active, stress, volume, share, sums, tilt, moments, tilt_force, flux, dim):
     d = len(dim)
     for r in range(point.shape[0]):
         i = point[r]
@@ -96,7 +96,7 @@ def _tilt_flux(point, active, stress, volume, share, g, sums, tilt, moments, til
             tilt_force[i, a] = 0.0
         if not active[r]:
             continue
-        own = (1.0 + g) * share[i, 2] * volume[i]
+        own = share[i, 2] * volume[i]
         sigma = la.full(la.symmetric_at(stress, r, 0, dim))
         for a in range(d):
             t = 0.0

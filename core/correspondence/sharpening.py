@@ -3,15 +3,18 @@
 The gradient L of a point sees the part 1 - a k^2 of the wave, and its mean over the neighbours 1 - b k^2 of that. With
 g = a/b laws see M in place of L,
 
-    M_i = (1 + g) L_i - g sum_j w V_j beta_j L_j / N_i,  N_i = sum_j w V_j beta_j,
+    M_i = L_i + g U_i,  U_i = sum_j (c_ij/2) (L_i - L_j) / (J_i beta_i V_i),
 
-and from the internal power S_i : M_i follows the conjugate of L_i,
+where c_ij is the volume of the pair that links count with, and from the internal power sum_i S_i : M_i,
+S_i = J_i beta_i V_i sigma_i, follows the conjugate of L_i,
 
-    (1 + g) S_i - sum_j w V_i beta_i g S_j / N_j.
+    S_i + sum_j (c_ij/2) (g sigma_i - g sigma_j).
 
-On a grid g = d/(d + 2) (sum w) (sum w |xi|^4) / (sum w |xi|^2)^2. All points have the g of the grid: where neighbours
-are few and far, as in a toe that comes apart, the moments of a point's own neighbourhood make g twice as large and the
-step smaller, and nowhere do they make waves better.
+As c is symmetric, a uniform stress exerts the forces that it would exert without sharpening, at surfaces too. Bulk
+viscosity q of a flow (`periporo.core.correspondence.regularity`) works on tr U and is conjugate to it in the same way.
+On a grid g = d/(d + 2) (sum w) (sum w |xi|^4) / (sum w |xi|^2)^2. All points have the g of the grid, which fades with
+their activity in a flow: where neighbours are few and far, as in a toe that comes apart, the moments of a point's own
+neighbourhood make g twice as large and the step smaller, and nowhere do they make waves better.
 """
 
 import itertools
@@ -24,16 +27,12 @@ from periporo.core.numerics import vectors
 from periporo.core.numerics.jit import kernel
 from periporo.core.points.particles import Field
 
-_ROW = {2: (0.0,) * 8, 3: (0.0,) * 16}  # columns of the point fields, room for a matrix and N: one vector
-
 
 def fields(dimension: int) -> tuple[Field, ...]:
     """What points need for it."""
-    width = len(_ROW[dimension])
     return (
-        Field("weighed", width, "m^3/s, m^3", migrates=False),  # V beta L, V beta
-        Field("sharp", width, "1/s, m^3", migrates=False),  # M, N
-        Field("spread", dimension**2, "N/m^2", migrates=False),  # g S / N
+        Field("sharp", dimension**2, "1/s", migrates=False),  # M
+        Field("seen", dimension**2, "Pa", migrates=False),  # g sigma + q I, as neighbours see it
     )
 
 
@@ -50,61 +49,49 @@ def factor(dimension: int, m: float, influence_name: str) -> float:
 
 def sharpen(particles, pairs, g: float) -> None:
     """Find M of the owned points from L of these and of the ghosts; in flowing soil g fades with the activity."""
-    p, row = particles, _ROW[particles.dimension]
-    _weigh(p.volume, p.share, p.gradient, p.weighed, p.dim)
+    p = particles
     p.sharp[:] = 0.0
-    _sum_neighbours(pairs.first, pairs.second, pairs.weight, p.weighed, p.sharp, row)
-    _combine(p.owned, g, p.activity, p.gradient, p.sharp, p.uneven_rate, p.dim)
+    _sum_differences(pairs.first, pairs.second, pairs.weight, p.volume, p.share, p.gradient, p.sharp, p.dim)
+    _combine(p.owned, g, p.activity, p.volume, p.share, p.gradient, p.sharp, p.uneven_rate, p.dim)
 
 
 @kernel
-def _weigh(volume, share, gradient, weighed, dim):
-    """V beta (L, 1) of all points; the other columns stay zero."""
-    for i in range(volume.shape[0]):
-        x = volume[i] * share[i, 1]
-        la.store(weighed, i, 0, la.scaled(la.matrix_at(gradient, i, 0, dim), x))
-        weighed[i, len(dim) * len(dim)] = x
-
-
-@kernel
-def _sum_neighbours(first, second, weight, weighed, sharp, row):
-    """Sums of w V beta (L, 1) over the neighbours of each point."""
-    last, own = -1, vectors.zero(row)
+def _sum_differences(first, second, weight, volume, share, gradient, sums, dim):
+    """Sums of (c/2) (L_i - L_j) over the neighbours of each point."""
+    matrix, last, own = la.zero_matrix(dim), -1, vectors.zero(la.zero_matrix(dim))
     for b in range(first.shape[0]):
         w = weight[b]
         if w != 0.0:
             i, j = first[b], second[b]
-            of_i, of_j = vectors.row(weighed, i, row) * w, vectors.row(weighed, j, row) * w
-            last, own = vectors.add_to_ends(sharp, i, j, of_j, of_i, last, own)
+            half = 0.5 * w * volume[i] * volume[j] * (share[i, 0] * share[j, 1] + share[j, 0] * share[i, 1])
+            to_j = (vectors.row(gradient, j, matrix) - vectors.row(gradient, i, matrix)) * half
+            last, own = vectors.add_to_ends(sums, i, j, to_j * -1.0, to_j, last, own)
 
 
 @kernel
-def _combine(owned, g, activity, gradient, sharp, uneven_rate, dim):
-    """M of the owned points from the sums, and tr L less its mean; M is L where all neighbours are degenerate."""
+def _combine(owned, g, activity, volume, share, gradient, sharp, uneven_rate, dim):
+    """M of the owned points, and tr U, from the sums; zero, as L, of degenerate ones."""
     d = len(dim)
-    n = d * d
     for i in range(owned):
-        total = sharp[i, n]
-        own = g * (1.0 - activity[i])
+        own = volume[i] * share[i, 2]
+        over = 1.0 / own if own > 0.0 else 0.0
         uneven_rate[i] = 0.0
-        if total != 0.0:
-            for a in range(d):
-                uneven_rate[i] += gradient[i, (d + 1) * a] - sharp[i, (d + 1) * a] / total
-        for c in range(n):
-            sharp[i, c] = gradient[i, c] if total == 0.0 else (1.0 + own) * gradient[i, c] - own / total * sharp[i, c]
+        for a in range(d):
+            uneven_rate[i] += over * sharp[i, (d + 1) * a]
+        for c in range(d * d):
+            sharp[i, c] = gradient[i, c] + g * (1.0 - activity[i]) * over * sharp[i, c]
 
 
 @kernel
-def spread_stress(point, active, stress, viscous, volume, share, g, activity, sharp, spread, dim):
-    """(g S + Q) / N of the points with a row here, S = J V beta sigma and Q = J V beta q I; zero of inactive ones."""
+def show_stress(point, active, stress, viscous, g, activity, seen, dim):
+    """g sigma + q I of the points with a row here; zero of inactive ones."""
     d = len(dim)
     for r in range(point.shape[0]):
         i = point[r]
-        if active[r] and sharp[i, d * d] != 0.0:
-            factor = volume[i] * share[i, 2] / sharp[i, d * d]
+        if active[r]:
             sigma = la.full(la.symmetric_at(stress, r, 0, dim))
-            la.store(spread, i, 0, la.scaled(sigma, g * (1.0 - activity[i]) * factor))
+            la.store(seen, i, 0, la.scaled(sigma, g * (1.0 - activity[i])))
             for a in range(d):
-                spread[i, (d + 1) * a] += factor * viscous[i]
+                seen[i, (d + 1) * a] += viscous[i]
         else:
-            la.store(spread, i, 0, la.zero_matrix(dim))
+            la.store(seen, i, 0, la.zero_matrix(dim))

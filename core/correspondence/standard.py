@@ -14,7 +14,7 @@ import numpy as np
 
 from periporo.core.bonds.rows import PointRows
 from periporo.core.correspondence import kinematics
-from periporo.core.correspondence.flux import add_flux_force
+from periporo.core.correspondence.flux import add_flux_force, begin_flux, close_flux
 from periporo.core.correspondence.influence import influence_table, support
 from periporo.core.correspondence.moments import update_neighbourhoods
 from periporo.core.numerics import algebra as la
@@ -65,12 +65,16 @@ class Standard:
     def rearrange(self, particles, motions) -> None:
         """Move points between steps: nothing."""
 
-    def internal_force(self, particles, bonds, halo, force: np.ndarray) -> None:
-        """Fill `force` (total, d) N with the internal force; rows of ghosts are incomplete."""
+    def internal_force(self, particles, bonds, halo, force: np.ndarray, moment: np.ndarray | None = None) -> None:
+        """Fill `force` (total, d) N with the internal force; rows of ghosts are incomplete.
+
+        `moment` (owned, d^2) N m is that of loads on the points' faces.
+        """
         p = particles
-        p.flux[:] = 0.0
+        begin_flux(p, moment)
         for block in bonds.blocks:
-            _fill_flux(block.first, block.active, block.total_stress, p.share, p.shape_inverse, p.flux, p.dim)
+            _add_stress(block.first, block.active, block.total_stress, p.volume, p.share, p.flux, p.dim)
+        close_flux(p)
         halo.update(p, "flux")
         force[:] = 0.0
         add_flux_force(p, bonds.pairs, force)
@@ -84,13 +88,14 @@ class Standard:
 
 
 @kernel
-def _fill_flux(point, active, stress, share, shape_inverse, flux, dim):
-    """B_i = J_i beta_i sigma_i K_i^-1 of the points with a row here."""
+def _add_stress(point, active, stress, volume, share, flux, dim):
+    """Add J_i beta_i V_i sigma_i of the points with a row here."""
     for r in range(point.shape[0]):
         if active[r]:
             i = point[r]
-            z = la.scaled(la.full(la.symmetric_at(stress, r, 0, dim)), share[i, 2])
-            la.store(flux, i, 0, la.times_shape(z, la.shape_at(shape_inverse, i, 0, dim)))
+            sigma = la.full(la.symmetric_at(stress, r, 0, dim))
+            for c in range(len(sigma)):
+                flux[i, c] += share[i, 2] * volume[i] * sigma[c]
 
 
 @kernel

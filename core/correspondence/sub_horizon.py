@@ -19,6 +19,7 @@ import numpy as np
 
 from periporo.core.bonds.rows import DirectedRows
 from periporo.core.correspondence import kinematics
+from periporo.core.correspondence.flux import add_flux_force, begin_flux, close_flux
 from periporo.core.correspondence.influence import CLOSED, influence_table, support
 from periporo.core.correspondence.moments import update_neighbourhoods
 from periporo.core.correspondence.springs import add_spring
@@ -90,8 +91,12 @@ class SubHorizon:
     def rearrange(self, particles, motions) -> None:
         """Move points between steps: nothing."""
 
-    def internal_force(self, particles, bonds, halo, force: np.ndarray) -> None:
-        """Fill `force` (total, d) N with the internal force; rows of ghosts are incomplete."""
+    def internal_force(self, particles, bonds, halo, force: np.ndarray, moment: np.ndarray | None = None) -> None:
+        """Fill `force` (total, d) N with the internal force; rows of ghosts are incomplete.
+
+        `moment` (owned, d^2) N m is that of loads on the points' faces, which move with the gradient of the whole
+        horizon.
+        """
         p, pairs = particles, bonds.pairs
         states = np.zeros((len(pairs.first), 2, p.dimension))
         for block in bonds.blocks:
@@ -99,6 +104,11 @@ class SubHorizon:
         self.exchange(p, pairs, halo, states)
         force[:] = 0.0
         _add_force(pairs.first, pairs.second, pairs.weight, p.volume, states, force, p.dim)
+        if moment is not None:
+            begin_flux(p, moment)
+            close_flux(p)
+            halo.update(p, "flux")
+            add_flux_force(p, pairs, force)
 
     def _fill_force_states(self, p, pairs, block, states):
         _distribute_stress(

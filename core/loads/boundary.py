@@ -6,8 +6,9 @@ import numpy as np
 
 from periporo.core.numerics import vectors
 from periporo.core.numerics.jit import kernel
-from periporo.core.points.forces import INTEGRATION, PRESCRIBED, WORK
-from periporo.core.points.particles import Particles
+from periporo.core.points.faces import add_face_force, turn
+from periporo.core.points.forces import INTEGRATION, PRESCRIBED, WORK, ForceChannels
+from periporo.core.points.particles import Field, Particles
 
 
 class PrescribedMotion:
@@ -99,18 +100,49 @@ class Gravity:
 
 
 class Traction:
-    """A dead load, the same `force` (d,) N on each of the points `ids`."""
+    """A dead load, the same `force` (d,) N on a face of each of the points `ids`, sorted.
 
-    def __init__(self, ids: np.ndarray, force: np.ndarray):
+    The faces are `lever` (ids, d) m away from their points when the scene begins, and turn with them from then on, in
+    the point field `face_<name>`.
+    """
+
+    def __init__(self, name: str, ids: np.ndarray, force: np.ndarray, lever: np.ndarray):
+        self.name = name
         self.ids = ids
         self.force = force
+        self.lever = lever
+        self.face = f"face_{name}"
         self._found: tuple[np.ndarray, np.ndarray] | None = None  # ids of the points, and the rows among them
+
+    output = ()
+
+    def attach(self, p: Particles, forces: ForceChannels, processes: list) -> None:
+        """Declare the force channel, and the faces of points that are in place, which a process turns from now on.
+
+        A load of the same name, in another stage, has the same faces.
+        """
+        forces.need("external", on_faces=True)
+        if self.face not in p.fields:
+            p.add_field(Field(self.face, p.dimension, "m", sent=False))
+            rows = self._rows(p)
+            getattr(p, self.face)[rows] = self.lever[np.searchsorted(self.ids, p.id[rows])]
+            processes.append(self)
+
+    def update(self, p: Particles, bonds, dt: float) -> None:
+        """Turn the faces by a step of `dt` s, a process of the points."""
+        turn(getattr(p, self.face), p.gradient, dt)
 
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Add to the external force."""
+        _load_faces(
+            self._rows(p), self.force, getattr(p, self.face), p.share, p.external_force, p.external_moment, p.dim
+        )
+
+    def _rows(self, p):
+        """Owned rows of the points; found anew when a rebuild has moved them."""
         if self._found is None or self._found[0] is not p.id:
             self._found = p.id, np.flatnonzero(np.isin(p.id[: p.owned], self.ids, assume_unique=True))
-        p.external_force[self._found[1]] += self.force
+        return self._found[1]
 
 
 class ViscousDamping:
@@ -132,6 +164,16 @@ class ViscousDamping:
         decay, lag = (-np.expm1(-x) / step, 1.0 + np.expm1(-x) / x) if x > 1e-6 else (self.rate, 0.5 * x)
         others = tuple(getattr(p, f"{n}_force") for n in WORK if n != "damping" and f"{n}_force" in p.fields)
         _damp(p.owned, p.mass, p.velocity, others, decay, lag, p.damping_force, p.dim)
+
+
+@kernel
+def _load_faces(rows, force, face, share, external, moment, dim):
+    lever = np.zeros(len(dim))
+    for k in range(rows.shape[0]):
+        i = rows[k]
+        for a in range(len(dim)):
+            lever[a] = share[i, 1] * face[i, a]
+        add_face_force(external, moment, i, force, lever)
 
 
 @kernel

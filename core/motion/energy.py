@@ -3,6 +3,9 @@
 In velocity Verlet the kinetic energy changes by the half-step work of all forces plus m dt^2/8 (|a_1|^2 - |a_0|^2),
 exactly. Each point accumulates the work of each channel, and that last term, so that sums over points close to
 rounding whatever the forces are, also with prescribed motion and a varying time step.
+
+A load on a face (`periporo.core.points.faces`) acts in part through the internal force. What its moment does in half a
+step is taken from the internal work and given to the load's channel, so that each has the work of its own.
 """
 
 import numpy as np
@@ -71,6 +74,7 @@ class Ledger:
             "internal_energy": -work["internal"],
             "external_work": work["external"],
             "contact_energy": -work["contact"],
+            "recovery_work": work["recovery"],
             "friction_dissipation": -work["friction"],
             "damping_dissipation": -work["damping"],
             "prescribed_work": work["prescribed"],

@@ -24,7 +24,8 @@ class RelaxationError(RuntimeError):
 class Relaxation:
     """Drives a simulation to equilibrium; `residual` is ||out-of-balance force|| / ||load|| over free components.
 
-    The load is what acts on free components, mostly weight; without any, the reactions of the held ones.
+    The load is what acts on free components, mostly weight; without any, the reactions of the held ones and what
+    contacts press with.
     """
 
     def __init__(self, name: str, tolerance: float, max_steps: int):
@@ -88,7 +89,10 @@ class Relaxation:
         for motion in sim.prescribed_motions:
             motion.hold_zero(p, free)
         total = sim.forces.total()
-        force, velocity, reaction = total * free, p.velocity[:n] * free, total * (1.0 - free)
+        force, velocity = total * free, p.velocity[:n] * free
+        reaction = total * (1.0 - free)
+        if "contact" in sim.forces.names:
+            reaction += p.contact_force[:n] * free
         acceleration = force / p.mass[:, None]
         load = p.external_force[:n] * free
         products = [(a * b).ravel() for a, b in (

@@ -111,7 +111,7 @@ def local_frequency(sim, contacts) -> float:
 
 
 def highest_frequency(sim) -> float:
-    """Highest frequency of the elastic operator of all bonds by Lanczos iteration, rad/s.
+    """Highest frequency of the elastic operator of all bonds and contacts by Lanczos iteration, rad/s.
 
     The moduli are those of the present stress and state. These, and what points carry, are put aside meanwhile; nothing
     of the simulation changes. It starts from random numbers everywhere: where points look stiffest by themselves, the
@@ -156,7 +156,7 @@ def _largest_eigenvalue(diagonal, beside):
 
 
 def apply_stiffness(sim, displacement):
-    """Elastic force (owned, d) that a small displacement calls forth, by the production kernels."""
+    """Elastic force (owned, d) that a small displacement calls forth, by the production kernels and contacts."""
     p = sim.particles
     size = maximum(sim.comm, float(np.abs(displacement).max(initial=0.0)))
     dt = 1e-15 * sim.spacing / size  # small enough to be linear
@@ -170,11 +170,12 @@ def apply_stiffness(sim, displacement):
     for block in sim.bonds.blocks:
         bulk, shear = block.stiffness()
         _elastic_stress(bulk, shear, block.strain_increment, block.stress)
-    force = np.zeros((p.total, p.dimension))
-    sim.scheme.internal_force(p, sim.bonds, sim.halo, force)
+    force, held = np.zeros((2, p.total, p.dimension))
+    moment = np.zeros((p.owned, p.dimension**2))
     for contact in sim.contacts:
-        contact.resist(p, sim.time, dt, force)
-    return -force[: p.owned] / dt
+        contact.resist(p, sim.time, dt, held, moment)
+    sim.scheme.internal_force(p, sim.bonds, sim.halo, force, moment if sim.forces.on_faces else None)
+    return -(force + held)[: p.owned] / dt
 
 
 @kernel

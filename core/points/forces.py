@@ -2,13 +2,16 @@
 
 import numpy as np
 
+from periporo.core.numerics.jit import kernel
 from periporo.core.points.particles import Field, Particles
 
-WORK = ("internal", "external", "contact", "friction", "damping", "prescribed", "integration")
+WORK = ("internal", "external", "contact", "recovery", "friction", "damping", "prescribed", "integration")
 """Columns of the point field `work` (J): force channels, constraints, and the time integrator's own term."""
 FLOW_WORK = ("viscous_dissipation", "exchange_dissipation", "rearrangement_work")
 """Columns of the point field `flow_work` (J) of schemes that keep flowing points regular."""
-PRESCRIBED, INTEGRATION = WORK.index("prescribed"), WORK.index("integration")
+INTERNAL, CONTACT, RECOVERY, PRESCRIBED, INTEGRATION = (
+    WORK.index(name) for name in ("internal", "contact", "recovery", "prescribed", "integration")
+)
 
 
 class ForceChannels:
@@ -18,12 +21,17 @@ class ForceChannels:
         self.names: list[str] = []
         self.columns = np.empty(0, np.int64)  # of `work`, for each channel
         self._found: tuple[np.ndarray | None, tuple[np.ndarray, ...]] = None, ()  # ids of the points, and their arrays
+        self.on_faces: list[str] = []  # channels whose loads act on faces
         self._particles = particles
         particles.add_field(Field("work", len(WORK), "J", sent=False))
         particles.add_field(Field("previous_velocity", particles.dimension, "m/s", migrates=False, sent=False))
 
-    def need(self, name: str) -> None:
-        """Declare a channel of `WORK`; declaring it again changes nothing."""
+    def need(self, name: str, on_faces: bool = False) -> None:
+        """Declare a channel of `WORK`, with moments if loads act `on_faces`; declaring it again changes nothing."""
+        if on_faces and name not in self.on_faces:
+            self.on_faces.append(name)
+            # kept from one step to the next, which begins with these loads
+            self._particles.add_field(Field(f"{name}_moment", self._particles.dimension**2, "N m", sent=False))
         if name not in self.names:
             self.names.append(name)
             self.columns = np.array([WORK.index(n) for n in self.names], np.int64)
@@ -40,7 +48,40 @@ class ForceChannels:
             self._found = self._particles.id, arrays
         return arrays
 
+    def moments(self) -> list[np.ndarray]:
+        """The (owned, d^2) N m array of each channel with loads on faces."""
+        return [getattr(self._particles, f"{name}_moment") for name in self.on_faces]
+
+    def moment(self) -> np.ndarray | None:
+        """Sum of all moments of loads on faces, (owned, d^2) N m, or None if no channel has such loads."""
+        return sum(self.moments()) if self.on_faces else None
+
+    def clear(self) -> None:
+        """No load any more; the internal force stays."""
+        for name, array in zip(self.names, self.arrays(), strict=True):
+            if name != "internal":
+                array[:] = 0.0
+        for moment in self.moments():
+            moment[:] = 0.0
+
+    def book_moments(self, dt: float) -> None:
+        """Give channels the work of their moments in `dt` s, at the points' velocity gradients."""
+        p = self._particles
+        for name, moment in zip(self.on_faces, self.moments(), strict=True):
+            _book_moments(p.owned, dt, moment, p.gradient, p.work, WORK.index(name), INTERNAL)
+
     def total(self) -> np.ndarray:
         """Sum of all channels on the owned points, (owned, d) N."""
         n = self._particles.owned
         return sum(a[:n] for a in self.arrays())  # type: ignore[return-value] # there is always a channel
+
+
+
+@kernel
+def _book_moments(owned, dt, moment, gradient, work, column, internal):
+    for i in range(owned):
+        done = 0.0
+        for c in range(moment.shape[1]):
+            done += dt * moment[i, c] * gradient[i, c]
+        work[i, column] += done
+        work[i, internal] -= done

@@ -14,8 +14,7 @@ def build_boundary(scene, name: str, lattices, moving: bool) -> PrescribedMotion
     if sum(len(ids) for _, ids, _ in sites) == 0:
         raise InputError("scene", [Problem(("boundaries", name, "where"), "no point of the scene lies in it")])
     if boundary.traction is not None:
-        ids = np.sort(np.concatenate(list(_outermost(scene, sites, boundary.traction.side))))
-        return Traction(ids, np.array(boundary.traction.stress) * scene.spacing ** (scene.dimension - 1))
+        return _traction(scene, name, boundary.traction, sites)
     ids = np.sort(np.concatenate([ids for _, ids, _ in sites]))
     if boundary.fix:
         return PrescribedMotion(ids, {"xyz".index(a): _standstill for a in boundary.fix})
@@ -52,18 +51,31 @@ def _selected(scene, region, lattices):
     return sites
 
 
-def _outermost(scene, sites, side):
-    """Ids of the points that have no other selected point of their body beside them on the side "x-" ... "z+"."""
-    axis, sign = "xyz".index(side[0]), 1.0 if side[1] == "+" else -1.0
+def _traction(scene, name, model, sites):
+    """The load on the outermost of the selected points, at the faces of their cells."""
+    axis, sign = "xyz".index(model.side[0]), 1.0 if model.side[1] == "+" else -1.0
+    ids, reach = (np.concatenate(part) for part in zip(*_outermost(scene, sites, axis, sign), strict=True))
+    order = np.argsort(ids)
+    lever = reach[order, None] * sign * np.eye(scene.dimension)[axis]
+    return Traction(name, ids[order], np.array(model.stress) * scene.spacing ** (scene.dimension - 1), lever)
+
+
+def _outermost(scene, sites, axis, sign):
+    """Of the points that have no other selected point of their body beside them: ids (n,), and reach of cells (n,) m.
+
+    The cells of displaced points end where those of the grid do.
+    """
     for lattice, ids, position in sites:
+        reach = np.full(len(ids), 0.5 * scene.spacing)
         if isinstance(lattice.body.shape, Points):
             cell = np.floor((position - lattice.lower) / scene.spacing + 0.5).astype(np.int64)
         else:
             cell = np.stack(np.unravel_index(ids - lattice.first_id, lattice.counts), axis=1)
+            reach -= sign * (position - lattice.centres(cell))[:, axis]
         row = np.delete(cell, axis, axis=1)
         # sorted by row, the outermost last
         order = np.lexsort((sign * position[:, axis], *row.T))
         row = row[order]
         last = np.ones(len(order), bool)
         last[:-1] = (row[1:] != row[:-1]).any(axis=1)
-        yield ids[order[last]]
+        yield ids[order[last]], reach[order[last]]

@@ -24,6 +24,7 @@ from periporo.core.scene.contacts import (
     build_bodies_contact,
     build_contact,
     build_repulsion,
+    fit_jittered,
     is_present,
     refuse_overlaps,
     refuse_penetration,
@@ -95,6 +96,7 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
         sim.departures = Departures(*region_corners(scene.domain, scene.dimension))
     _place_points(scene, comm, particles, materials, water, lattices)
     refuse_penetration(scene, contacts, sim)
+    fit_jittered(scene, contacts, particles)
     if scene.initial_stress is not None:
         sim.bonds.initial_stress = _initial_stress(scene, materials, water, lattices)
         sim.bonds.initial_stress_is_total = water is not None and scene.initial_stress.type == "geostatic"
@@ -103,6 +105,9 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
     for model, built in zip(scene.stages, sim.stages, strict=True):
         built.contacts += [between[m] for m in [_bodies_models(scene, model)] if m]
         built.contacts.append(repulsion)
+        for load in built.loads:
+            if isinstance(load, Traction):
+                load.attach(particles, sim.forces, sim.point_processes)
     if sim.stages:
         sim.contacts, sim.loads = sim.stages[0].contacts, sim.stages[0].loads
     return sim

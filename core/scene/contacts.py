@@ -86,6 +86,18 @@ def refuse_penetration(scene, contacts, sim) -> None:
         raise InputError("scene", problems)
 
 
+def fit_jittered(scene, contacts, p) -> None:
+    """Have displaced points reach just to the first obstacles beside them: their body's shape is where its cells end.
+
+    contacts: pairs of input model and contact.
+    """
+    slack = (np.array([body.jitter for body in scene.bodies]) * scene.spacing)[p.body[: p.owned]]
+    if slack.any():
+        for model, contact in contacts:
+            if isinstance(contact, RigidContact) and is_present(model, scene.stages[0]):
+                contact.fit(p, slack * (1.0 + 1e-9))
+
+
 def refuse_overlaps(scene, between, sim) -> None:
     """Raise InputError, on all ranks alike, if bodies overlap at the start whose contact appears in any stage.
 

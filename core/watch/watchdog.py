@@ -28,8 +28,8 @@ REGULAR = 0.5  # integrity of a point from which on its speed and strain count
 _SUSPECT = 0.25  # speed over wave speed, as it was when the state was kept, from which on neighbours are compared
 _WARM_UP = 100  # steps of a motion before its energy is judged: a start from rest has hardly done any work
 _TURNED_OVER = (
-    "kinetic_energy", "internal_energy", "external_work", "contact_energy", "friction_dissipation",
-    "damping_dissipation", "prescribed_work",
+    "kinetic_energy", "internal_energy", "external_work", "contact_energy", "recovery_work",
+    "friction_dissipation", "damping_dissipation", "prescribed_work",
 )  # fmt: skip
 
 

@@ -96,6 +96,10 @@ class Lattice:
         for start in range(0, self.size, CHUNK):
             yield self.sites(start, start + CHUNK)
 
+    def centres(self, cells: np.ndarray) -> np.ndarray:
+        """Positions (n, d) m of the middles of `cells` (n, d), where points stand without jitter."""
+        return self._origin + (cells + self._first_cell + 0.5) * self.spacing
+
     @cached_property
     def _table(self) -> PointTable | None:
         shape = self.body.shape
@@ -137,8 +141,7 @@ class Lattice:
             if self._table.volumes is not None:
                 volumes = self._table.volumes[index]
         else:
-            cells = np.stack(np.unravel_index(index, self.counts), axis=1)
-            positions = self._origin + (cells + self._first_cell + 0.5) * self.spacing
+            positions = self.centres(np.stack(np.unravel_index(index, self.counts), axis=1))
             mine = self._owns(positions)
             index, positions, volumes = index[mine], positions[mine], volumes[mine]
         materials = self._materials_at(positions)

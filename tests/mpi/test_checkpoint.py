@@ -40,13 +40,14 @@ def column(scheme="bond_projected", **keys):
                     "shape": {"type": "box", "lower": [-0.05, 0.0], "upper": [0.05, 0.15]}}],
         "initial_stress": {"type": "geostatic", "K0": 0.7},
         "boundaries": {"left": {"where": {"upper": [-0.04, None]}, "fix": ["x"]},
-                       "right": {"where": {"lower": [0.04, None]}, "fix": ["x"]}},
+                       "right": {"where": {"lower": [0.04, None]}, "fix": ["x"]},
+                       "load": {"where": {"body": "column"}, "traction": {"stress": [5.0, -20.0], "side": "y+"}}},
         "contacts": [{"type": "plane", "point": [0, 0], "normal": [0, 1], "friction": 0.4, "damping": 0.1,
                       "velocity": [0.2, 0.0]}],
         "stages": [{"name": "settle", "type": "relax", "tolerance": 0.1, "max_steps": 500,
                     "boundaries": ["left", "right"]},
                    {"name": "fall", "type": "dynamics", "duration": 0.06, "damping": {"viscous": 0.5},
-                    "stop_when_at_rest": 1e-9}],
+                    "boundaries": ["load"], "stop_when_at_rest": 1e-9}],
         "output": {"interval": 0.01},
     }  # fmt: skip
     return scene | keys

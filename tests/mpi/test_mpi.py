@@ -33,11 +33,13 @@ def collapse(scheme="bond_projected", duration=0.12):
                     "shape": {"type": "box", "lower": [-0.05, 0.0], "upper": [0.05, 0.15]}}],
         "initial_stress": {"type": "geostatic", "K0": 0.7},
         "boundaries": {"left": {"where": {"upper": [-0.04, None]}, "fix": ["x"]},
-                       "right": {"where": {"lower": [0.04, None]}, "fix": ["x"]}},
+                       "right": {"where": {"lower": [0.04, None]}, "fix": ["x"]},
+                       "load": {"where": {"body": "column"}, "traction": {"stress": [5.0, -20.0], "side": "y+"}}},
         "contacts": [{"type": "plane", "point": [0, 0], "normal": [0, 1], "friction": 0.4, "damping": 0.1},
                      {"type": "box", "lower": [0.1, -0.1], "upper": [0.12, 0.05], "friction": 0.2}],
         "stages": [{"name": "settle", "type": "relax", "tolerance": 0.1, "boundaries": ["left", "right"]},
-                   {"name": "fall", "type": "dynamics", "duration": duration, "damping": {"viscous": 0.5}}],
+                   {"name": "fall", "type": "dynamics", "duration": duration, "damping": {"viscous": 0.5},
+                    "boundaries": ["load"]}],
         "output": {"interval": duration / 5},
     }  # fmt: skip
 

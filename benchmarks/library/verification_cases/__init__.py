@@ -2,7 +2,20 @@
 
 from dataclasses import dataclass
 
-from . import closed_forms, collapse, columns, energy, footing, kinematics, manufactured, motion, sliding, slopes, waves
+from . import (
+    closed_forms,
+    collapse,
+    columns,
+    energy,
+    footing,
+    kinematics,
+    manufactured,
+    motion,
+    sliding,
+    slopes,
+    surfaces,
+    waves,
+)
 from .common import DEFAULT, Figure
 
 OPTIONS = {
@@ -65,6 +78,11 @@ CASES = (
     Case("V20", footing.strip_footing, ("bond_projected",)),
     Case("V21", slopes.vertical_cut, ("bond_projected",)),
     Case("V21", slopes.sand_slope),
+    Case("V22", surfaces.uniform_stress, SCHEMES[:5]),
+    Case("V22", surfaces.displaced_points, BALANCED),
+    Case("V22", surfaces.resting_column),
+    Case("V22", surfaces.strip_load),
+    Case("V22", surfaces.pushed_footing),
     Case("collapse", collapse.collapse),
     Case("W9", waves.undrained_wave),
 )

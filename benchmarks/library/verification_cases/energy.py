@@ -106,7 +106,8 @@ class _StressPower:
 def virtual_power(full=False, scheme=DEFAULT):
     """V4 (b) in one instant: power of force and of stress are opposite for any velocity and any stress.
 
-    Points are displaced, two of them lie a tenth of a spacing apart, and tilts, where there are any, are at random.
+    Points are displaced, two of them lie a tenth of a spacing apart, and tilts, where there are any, and moments of
+    loads on the points' faces are at random.
     """
     figures = []
     for dimension in (2, 3):
@@ -130,7 +131,9 @@ def virtual_power(full=False, scheme=DEFAULT):
         links = sim.bonds.links
         if links is not None:
             links.stress[:] = random.normal(size=links.stress.shape)
-        sim.scheme.internal_force(p, sim.bonds, sim.halo, p.internal_force)
+        moment = random.normal(size=(p.owned, dimension**2)) * 0.01**dimension
+        sim.scheme.internal_force(p, sim.bonds, sim.halo, p.internal_force, moment)
+        power -= (moment * owned(sim, "gradient")).sum()
         if links is not None:
             power += (row_volumes(sim, links) * links.stress[:, 0] * link_rates(sim)).sum()
         mismatch = abs((owned(sim, "internal_force") * owned(sim, "velocity")).sum() + power) / size

@@ -7,7 +7,7 @@ from periporo.contact.rigid import RigidContact
 from periporo.contact.short_range_published import ShortRangePublished
 from periporo.contact.surfaces import Box, Disc, Plane
 from periporo.core.motion.integrator import drift, first_kick, second_kick
-from periporo.core.points.forces import WORK, ForceChannels
+from periporo.core.points.forces import RECOVERY, WORK, ForceChannels
 from periporo.core.points.particles import Particles
 
 G, H, K, M = 9.81, 0.1, 1e5, 1.0  # gravity, spacing, stiffness, mass
@@ -37,8 +37,7 @@ class Rig:
         self.evaluate(0.0)
 
     def evaluate(self, dt):
-        for array in self.forces.arrays():
-            array[:] = 0.0
+        self.forces.clear()
         self.contact.add_force(self.p, self.time, dt)
         self.p.external_force[:] += self.p.mass[:, None] * self.gravity
 
@@ -66,6 +65,55 @@ class Rig:
 
 def coulomb(surface=FLOOR, friction=0.5, stiffness=K, **keys):
     return RigidContact("0", surface, spacing=H, skin=10.0, stiffness=stiffness, friction=friction, **keys)
+
+
+def along_a_path(gaps, strains, contact):
+    """Rig of one point that goes through `gaps` (k,) m while its cell has the strains (k,) along y; and the work on it.
+
+    The work is that of the contact on the point, and of its moment on the strain, by the trapezoidal rule.
+    """
+    rig = Rig(contact, [0.0, gaps[0]])
+    p, work = rig.p, 0.0
+    p.share[:, 1] = 1.0
+    for before, gap, last, strain in zip(gaps, gaps[1:], strains, strains[1:], strict=False):
+        old = p.contact_force[0, 1], p.contact_moment[0, 3]
+        p.velocity[0, 1], p.gradient[0, 3], p.position[0, 1] = gap - before, strain - last, gap
+        rig.evaluate(1.0)
+        force, moment = 0.5 * (old[0] + p.contact_force[0, 1]), 0.5 * (old[1] + p.contact_moment[0, 3])
+        work += force * (gap - before) + moment * (strain - last)
+    return rig, work
+
+
+def test_a_cells_face_has_a_potential():
+    """Work on point and strain along any path to a squeezed, overlapping state, and back by another one."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 4001)
+    gaps = H * (0.5 - 0.02 * (1.0 - np.cos(turn)) + 0.005 * np.sin(turn))
+    strains = -0.01 * (1.0 - np.cos(turn + 0.7) - 1.0 + np.cos(0.7))
+    half = len(turn) // 2
+    rig, there = along_a_path(gaps[: half + 1], strains[: half + 1], coulomb())
+    overlap = 0.5 * H + rig.p.contact_cell_0[0, 1] - gaps[half]
+    assert 0.6 < rig.p.contact_cell_0[0, 1] / (0.5 * H * strains[half]) < 0.9  # it forgets some
+    stored, recovered = 0.5 * K * overlap**2, rig.p.work[0, RECOVERY]
+    assert 0.01 * stored < recovered < 0.2 * stored
+    assert there == pytest.approx(recovered - stored, rel=1e-3)
+
+
+def test_flow_lets_cells_forget_how_they_were_squeezed():
+    rig, _ = along_a_path(np.full(2001, 0.49 * H), -np.linspace(0.0, 2.0, 2001), coulomb())
+    steady = rig.p.contact_cell_0[0, 1]
+    assert -0.1 * H < steady < -0.02 * H  # without it the cell would be a seventh of what it was
+    rig.p.position[0, 1], rig.p.velocity[:] = 0.7 * H, 0.0
+    rig.evaluate(1.0)
+    assert not rig.p.contact_cell_0.any()
+
+
+def test_cells_of_displaced_points_reach_just_to_the_surface():
+    contact = coulomb()
+    rig = Rig(contact, [[0.0, 0.45 * H], [0.5, 0.56 * H], [1.0, 0.7 * H], [2.0, 0.3 * H]])
+    contact.fit(rig.p, np.full(4, 0.1 * H))
+    rig.evaluate(0.0)
+    assert rig.p.contact_cell_0[:, 0] == pytest.approx([-0.05 * H, 0.06 * H, 0.0, 0.0], abs=1e-12)
+    assert rig.p.contact_force[:, 1] == pytest.approx([0.0, 0.0, 0.0, 0.2 * H * K], abs=1e-9)
 
 
 def test_a_sliding_point_stops_where_friction_has_used_up_its_energy():

@@ -7,6 +7,7 @@ from mpi4py import MPI
 from periporo import Simulation
 from periporo.core.correspondence import balance
 from periporo.core.motion.timestep import apply_stiffness, highest_frequency
+from periporo.core.points.faces import turn
 from periporo.errors import InputError
 from periporo.io.input.load import parse_scene
 
@@ -91,7 +92,7 @@ def test_tilts_turn_with_the_body(block):
     p.gradient[:] = (np.sin(angle) * axis).ravel()  # of a rigid rotation, with respect to the end of its step
     before = p.tilt.copy()
     for _ in range(steps):
-        balance.turn(p, 1.0)
+        turn(p.tilt, p.gradient, 1.0)
     quarter = np.eye(d)
     quarter[:2, :2] = [[0.0, -1.0], [1.0, 0.0]]
     assert np.abs(p.tilt - before @ quarter.T).max() < 1e-6 * np.abs(before).max()

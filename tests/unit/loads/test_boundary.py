@@ -70,9 +70,10 @@ def test_weight_traction_and_damping(block):
     p = block.particles
     p.damping_force = np.zeros((16, 2))
     p.velocity[:] = [2.0, -1.0]
-    loads = [Gravity(np.array([0.0, -10.0])), Traction(np.array([1, 4]), np.array([3.0, 0.5])), ViscousDamping(7.0)]
+    traction = Traction("t", np.array([1, 4]), np.array([3.0, 0.5]), np.array([[0.0, 0.2], [0.1, 0.0]]))
+    traction.attach(p, block.forces, block.point_processes)
     p.external_force[:] = 0.0
-    for load in loads:
+    for load in (Gravity(np.array([0.0, -10.0])), traction, ViscousDamping(7.0)):
         load.add_force(p, 0.0, 1e-5)
     expected = np.tile([0.0, -10.0 * 1760.0 * SPACING**2], (16, 1))
     expected[[1, 4]] += [3.0, 0.5]
@@ -81,6 +82,48 @@ def test_weight_traction_and_damping(block):
     others = expected + p.internal_force[:16]
     damping = m * np.tile([-2.0, 1.0], (16, 1)) * (1.0 - np.exp(-x)) / 1e-5 - (1.0 - (1.0 - np.exp(-x)) / x) * others
     assert p.damping_force == pytest.approx(damping, rel=1e-9)
+    moment = np.zeros((16, 4))
+    moment[1], moment[4] = [0.0, 0.6, 0.0, 0.1], [0.3, 0.0, 0.05, 0.0]
+    moment *= p.share[:, 1:2]  # a corner has less than all of its integrity, if any
+    assert p.external_moment == pytest.approx(moment, rel=1e-14) and p.share[4, 1] == 1.0
+
+
+def test_loads_on_faces_keep_the_moment_of_momentum_and_do_their_own_work(cloud, grid):
+    """All forces of loads on faces together: their sum, their torque at the faces, and the power of the faces."""
+    for dimension in (2, 3):
+        position = grid(*(6, 5, 4)[:dimension], spacing=SPACING, jitter=0.1)
+        sim = cloud(position, fixed=1e-15)
+        p, random = sim.particles, np.random.default_rng(dimension)
+        ids = np.flatnonzero(position[:, 1] > 3.4 * SPACING)
+        force, lever = random.normal(size=dimension), random.normal(size=(len(ids), dimension)) * SPACING
+        load = Traction("t", ids, force, lever)
+        load.attach(p, sim.forces, sim.point_processes)
+        p.velocity[:] = random.normal(size=p.velocity.shape)
+        p.external_moment[:] = 0.0
+        sim.scheme.deform(p, sim.bonds, sim.halo, 1e-15, 1e-15)
+        sim.bonds.blocks[0].stress[:] = 0.0
+        p.external_force[:] = 0.0
+        load.add_force(p, 0.0, 0.0)
+        sim.scheme.internal_force(p, sim.bonds, sim.halo, p.internal_force, sim.forces.moment())
+        total = p.external_force + p.internal_force
+        lever = lever * p.share[ids, 1:2]
+        assert total.sum(axis=0) == pytest.approx(len(ids) * force, rel=1e-12)
+        torque = np.einsum("na,nb->ab", p.position, total)
+        at_faces = np.einsum("na,b->ab", p.position[ids] + lever, force)
+        assert torque - torque.T == pytest.approx(at_faces - at_faces.T, abs=1e-11 * np.abs(at_faces).max())
+        face = p.velocity[ids] + np.einsum("nab,nb->na", p.gradient[ids].reshape(-1, dimension, dimension), lever)
+        assert (total * p.velocity).sum() == pytest.approx((face @ force).sum(), rel=1e-11)
+
+
+def test_faces_turn_with_their_points(block):
+    p = block.particles
+    load = Traction("t", np.array([5]), np.array([0.0, 0.0]), np.array([[0.3, 0.0]]))
+    load.attach(p, block.forces, block.point_processes)
+    steps = 100
+    p.gradient[:] = np.sin(0.5 * np.pi / steps) * np.array([0.0, -1.0, 1.0, 0.0])
+    for _ in range(steps):
+        load.update(p, block.bonds, 1.0)
+    assert p.face_t[5] == pytest.approx([0.0, 0.3], abs=1e-7) and not p.face_t[:5].any()
 
 
 @pytest.mark.parametrize("rate", [3.0, 1e3, 1e4, 1e6])

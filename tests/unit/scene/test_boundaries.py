@@ -56,6 +56,7 @@ def test_traction_loads_the_outermost_points_once(scene_of):
     load, scene = boundary(scene_of, {"where": TOP, "traction": {"stress": [0.0, -2e3], "side": "y+"}})
     assert isinstance(load, Traction) and len(load.ids) == 10  # 10 x 8 points
     assert load.force * len(load.ids) == pytest.approx([0.0, -2e3 * 0.1])
+    assert load.lever == pytest.approx(np.tile([0.0, 0.005], (10, 1)), abs=1e-15)
     position = np.concatenate([x for _, x, *_ in build_lattices(scene)[0].chunks()])
     assert position[load.ids, 1] == pytest.approx(0.075)
     side, _ = boundary(scene_of, {"where": TOP, "traction": {"stress": [1e3, 0.0], "side": "x-"}})
@@ -70,6 +71,10 @@ def test_traction_on_a_slope_and_on_points_of_a_file(scene_of, tmp_path):
     ids, position = map(np.concatenate, zip(*((i, x) for i, x, *_ in build_lattices(scene)[0].chunks()), strict=True))
     columns = np.unique(np.floor(position[:, 0] / 0.01))
     assert len(load.ids) == len(columns)
+    order = np.argsort(ids)
+    height = position[order[np.searchsorted(ids[order], load.ids)], 1]
+    assert ((height + load.lever[:, 1]) / 0.01 % 1.0).round(9) % 1.0 == pytest.approx(0.0)  # cells end on the grid
+    assert np.ptp(load.lever[:, 1]) > 0.1 * 0.01 and not load.lever[:, 0].any()
     loaded = np.isin(ids, load.ids)
     for column in columns:
         inside = np.floor(position[:, 0] / 0.01) == column
@@ -77,7 +82,7 @@ def test_traction_on_a_slope_and_on_points_of_a_file(scene_of, tmp_path):
     np.savetxt(tmp_path / "p.csv", position, delimiter=",", header="x,y", comments="", fmt="%.17g")
     cloud = slope | {"jitter": 0.0, "shape": {"type": "points", "file": "p.csv"}}
     again, _ = boundary(scene_of, entry, bodies=[cloud], folder=tmp_path)
-    assert len(again.ids) == pytest.approx(len(columns), abs=2)
+    assert len(again.ids) == pytest.approx(len(columns), abs=2) and (again.lever == [0.0, 0.005]).all()
 
 
 def test_a_loaded_block_accelerates_by_newton(scene_of, started):
