@@ -21,6 +21,8 @@ class Repulsion:
     `closest` is the influence at that distance: pairs of a smaller weight are further apart and cost nothing.
     """
 
+    damping = 0.0  # share of critical damping
+
     def __init__(self, pairs, *, distance: float, stiffness: float, closest: float):
         self.pairs = pairs
         self.distance = distance

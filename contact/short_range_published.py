@@ -29,6 +29,8 @@ class ShortRangePublished:
     its faces. The repulsion goes to the channel `contact`, the rest to `friction`.
     """
 
+    damping = 0.0  # share of critical damping
+
     def __init__(self, lower, upper, substrate_spacing, *, spacing, stiffness, friction, cutoff, name="0"):
         self.name = name
         self._box = Box(lower, upper)

@@ -76,25 +76,29 @@ class StableTimeStep:
 
 
 def damped_limit(sim, frequency: float) -> float:
-    """Longest step over 2/`frequency` (rad/s) with the scheme's bulk viscosity, a bit below sqrt(1 + zeta^2) - zeta.
+    """Longest step over 2/`frequency` (rad/s) with the scheme's viscosity and the dampings of contacts.
 
-    zeta = a omega l / c is at least the part of critical damping of a wave of that frequency, for viscosity a rho c l
-    against the uneven part of the rate, which is up to twice the rate. The damping force is that of the velocity half a
-    step earlier, so it shortens the step. Infinite without viscosity.
+    It is a bit below sqrt(1 + zeta^2) - zeta, zeta being the larger of a omega l / c and the contacts' shares of
+    critical damping. The former is at least the part of critical damping of a wave of that frequency, for viscosity
+    a rho c l against the uneven part of the rate, which is up to twice the rate. The damping force is that of the
+    velocity half a step earlier, so it shortens the step. Infinite without any.
     """
+    zeta = max([_viscosity(sim, frequency), *(float(np.max(contact.damping)) for contact in sim.contacts)])
+    return _DAMPED * (math.sqrt(1.0 + zeta * zeta) - zeta) if zeta > 0.0 else math.inf
+
+
+def _viscosity(sim, frequency):
+    """a omega l / c of soil that flows, 0 without."""
     flowing = [block for block in sim.bonds.blocks if block.opening is not None and not block.keeps_all]
     if sim.scheme.viscosity == 0.0 or not flowing:
-        return math.inf
+        return 0.0
     fastest = 0.0  # square of the speed of P waves
     for block in flowing:
         bulk, shear = block.stiffness()
         stiffest = float((bulk + 4.0 / 3.0 * shear)[block.active].max(initial=0.0))
         fastest = max(fastest, stiffest / block.material.density)
     fastest = maximum(sim.comm, fastest)
-    if fastest == 0.0:
-        return math.inf
-    zeta = sim.scheme.viscosity * frequency * sim.spacing / math.sqrt(fastest)
-    return _DAMPED * (math.sqrt(1.0 + zeta * zeta) - zeta)
+    return sim.scheme.viscosity * frequency * sim.spacing / math.sqrt(fastest) if fastest > 0.0 else 0.0
 
 
 def local_frequency(sim, contacts) -> float:
