@@ -146,6 +146,6 @@ def test_a_column_of_sand_covers_its_area_and_makes_no_energy(scene_of, psi):
     volume = p.dilation
     if psi == 0.0:
         assert abs(volume.mean() - 1.0) < 0.03 and 0.98 < np.quantile(volume, 0.02) < np.quantile(volume, 0.9) < 1.1
-        assert np.quantile(nearest, 0.05) > 0.7  # 0.3 to 0.5 where nothing keeps them apart
+        assert np.quantile(nearest, 0.05) > 0.6  # 0.3 to 0.5 where nothing keeps them apart
     else:
         assert volume.min() > 0.98 and volume.mean() < 2.5
