@@ -21,7 +21,8 @@ from periporo.core.numerics.jit import inlined, kernel
 
 def turn(vectors: np.ndarray, gradient: np.ndarray, dt: float) -> None:
     """Turn `vectors` (n, d) of the first n points by their spin of a step of `dt` s."""
-    _turn(gradient, dt, vectors)
+    if dt > 0.0:  # not a bit changes without
+        _turn(gradient, dt, vectors)
 
 
 @inlined
