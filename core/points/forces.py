@@ -54,7 +54,7 @@ class ForceChannels:
 
     def moment(self) -> np.ndarray | None:
         """Sum of all moments of loads on faces, (owned, d^2) N m, or None if no channel has such loads."""
-        return sum(self.moments()) if self.on_faces else None
+        return np.sum(self.moments(), axis=0) if self.on_faces else None
 
     def clear(self) -> None:
         """No load any more; the internal force stays."""
@@ -74,7 +74,6 @@ class ForceChannels:
         """Sum of all channels on the owned points, (owned, d) N."""
         n = self._particles.owned
         return sum(a[:n] for a in self.arrays())  # type: ignore[return-value] # there is always a channel
-
 
 
 @kernel

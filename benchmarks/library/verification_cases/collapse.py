@@ -50,7 +50,7 @@ def _deposit(spacing, scheme):
     return front / 0.05, height / 0.05, sim.ledger.kinetic() / peak.kinetic, sim.rebuild_count, unexplained
 
 
-RUN_OUT = 3.12  # over half of the width with a spacing of 2.5 mm, from the full size of this case
+RUN_OUT = 3.29  # over half of the width with a spacing of 2.5 mm, from the full size of this case
 
 
 def collapse(full=False, scheme=DEFAULT):

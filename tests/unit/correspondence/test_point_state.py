@@ -175,7 +175,7 @@ def test_a_uniform_stress_exerts_the_same_forces_sharpened(cloud, grid):
 
 @pytest.mark.parametrize("part", (1.0, 0.5))
 def test_links_take_up_the_non_affine_strain_and_flow_with_their_points(make, part):
-    """s = r (s + E rate dt): rows keep a `part` of their trial stress; what the deviator loses counts E/(2 mu) times."""
+    """s = r (s + E rate dt): rows keep a `part` of their trial stress, and a deviator's loss counts E/(2 mu) times."""
     law_of = np.random.default_rng(1).integers(0, 2, np.prod(make(start=False).particles.position.shape[:1]))
     sim = make(laws=[Yielding.example(), SOFT], law_of=law_of)
     p, pairs, links, dt = sim.particles, sim.bonds.pairs, sim.bonds.links, 1e-12
