@@ -33,27 +33,27 @@ FAILURE_LINE = 1e-3 * np.array([
 
 
 def collapse(spacing: float) -> tuple[Simulation, np.ndarray]:
-    """The pile at rest, and the points' displacements (n, 2) m since the gate went."""
+    """The pile at rest, and the displacements (n, 2) m of its points; settling takes up tenths of a millimetre."""
     sim = Simulation.from_scene(read_yaml(SCENE).data | {"spacing": spacing})
-    places = {}
-
-    def remember(sim):
-        if sim.time == 0.0:
-            places["start"] = sim.particles.position[: sim.particles.owned].copy()
-
-    sim.call_every(1, remember)
+    start = sim.particles.position[: sim.particles.owned].copy()
     sim.run()
-    return sim, sim.particles.position[: sim.particles.owned] - places["start"]
+    return sim, sim.particles.position[: sim.particles.owned] - start
+
+
+def outline(position: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Places x (m) and heights (m) of what points (n, 2) m beside the wall cover, which is a mirror."""
+    x, height = profile(np.vstack([position, position * [-1, 1]]), spacing)
+    return x[x >= 0.0], height[x >= 0.0]
 
 
 def compare(position: np.ndarray, moved: np.ndarray, spacing: float) -> dict[str, float]:
     """Figures of a pile at rest: points (n, 2) m and their displacements (n, 2) m; and lines of the surface."""
     own = connected(position, spacing)
-    x, height = profile(position[own], spacing)
+    x, height = outline(position[own], spacing)
     surface = np.interp(SURFACE[:, 0], x, height, right=0.0)
     unmoved = np.linalg.norm(moved, axis=1) < BAR
     place = position - moved
-    resting_x, resting = profile(place[unmoved], spacing)
+    resting_x, resting = outline(place[unmoved], spacing)
     line = np.interp(FAILURE_LINE[:, 0], resting_x, resting, right=0.0)
     return {
         "surface": np.sqrt(np.mean((surface - SURFACE[:, 1]) ** 2)),
@@ -69,10 +69,10 @@ def draw(path: Path, piles) -> None:
     figure = Figure(figsize=(8, 2.8), layout="constrained")
     axes = figure.add_subplot(aspect="equal", xlabel="x, m", ylabel="y, m")
     for spacing, position, moved in piles:
-        x, height = profile(position[connected(position, spacing)], spacing)
+        x, height = outline(position[connected(position, spacing)], spacing)
         (line,) = axes.plot(x, height, label=f"surface, spacing {1e3 * spacing:g} mm")
         unmoved = np.linalg.norm(moved, axis=1) < BAR
-        axes.plot(*profile((position - moved)[unmoved], spacing), "--", color=line.get_color(), label="failure line")
+        axes.plot(*outline((position - moved)[unmoved], spacing), "--", color=line.get_color(), label="failure line")
     axes.plot(*SURFACE.T, "ko", ms=4, label="surface, measured")
     axes.plot(*FAILURE_LINE.T, "k^", ms=4, label="failure line, measured")
     axes.set(xlim=(0, 0.5), ylim=(0, 0.11))
