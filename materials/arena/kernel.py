@@ -13,17 +13,17 @@ from periporo.materials.arena.constants import (
     unpack_surface,
 )
 from periporo.materials.arena.elasticity import (
-    GRAIN_SLOPE,
     drained_bulk,
     fluid_stiffens,
     pore_fluid,
     scaled_moduli,
 )
 from periporo.materials.arena.integrate import advance
-from periporo.materials.arena.pores import harden
+from periporo.materials.arena.pores import harden, pore_volume
+from periporo.materials.arena.returns import strained_pores
 from periporo.materials.arena.surface import holds, squared_limit, weakened_surface
 
-EVP, PRESSURE, STRENGTH, FAILURES = 0, 1, 2, 3
+EVP, PRESSURE, STRENGTH, CONTENT = 0, 1, 2, 3
 """Columns that every Arena state begins with; the optional ones follow."""
 
 
@@ -75,34 +75,40 @@ def _store(values, row, first, components, tensor):
 
 
 @inlined
-def _elastic_moduli_of_step(m, c, y, control, state, tr, ss, se, ee):
-    """Moduli of a row that stays elastic over the whole increment at the tolerance, else zeros.
+def _elastic_step(m, c, y, control, state, tr, ss, se, ee):
+    """Shear modulus, effective I1, pore pressure, strength and content after an increment that stays elastic.
 
-    The moduli are those of mid-step, from the value and the slope at the start: one power a row.
+    All are zero if it does not, or not at the tolerance. The moduli are those of mid-step, from the value and the slope
+    at the start: one power a row.
     """
+    none = (0.0, 0.0, 0.0, 0.0, 0.0)
     effective = state[0] + 3.0 * state[4]
     mean = -effective / 3.0
-    fluid = pore_fluid(c, state[4], state[3])
+    fluid = pore_fluid(c, state[4], state[3], state[6])
     stiffened = fluid_stiffens(m, c, effective, state[4], tr < 0.0)
     start, slope, grain = drained_bulk(m, mean)
-    k0, _ = scaled_moduli(m, c, fluid, mean, start, grain, state[3], stiffened)
+    k0, _, coupling, _ = scaled_moduli(m, c, fluid, mean, start, grain, state[3], stiffened)
     half = -0.5 * k0 * tr
     if mean * (mean + 2.0 * half) < 0.0 or (mean == 0.0 and half > 0.0):
-        return 0.0, 0.0  # the slope at the start tells nothing about the other side
+        return none  # the slope at the start tells nothing about the other side
     if mean > 0.0:
-        grain += GRAIN_SLOPE * half
+        grain += m.grain_slope * half
     drained = start + slope * half
-    bulk, shear = scaled_moduli(m, c, fluid, mean + half, drained, grain, state[3], stiffened)
+    if coupling > 0.0:
+        p, _, content = strained_pores(c, coupling, state, 0.5 * tr)
+        fluid = pore_fluid(c, p, state[3], content)
+    bulk, shear, coupling, _ = scaled_moduli(m, c, fluid, mean + half, drained, grain, state[3], stiffened)
+    p, strength, content = strained_pores(c, coupling, state, tr)
     end = effective + 3.0 * bulk * tr
     j2 = max(0.5 * ss + 2.0 * shear * (se + shear * ee), 0.0)
-    if not holds(y, end, j2, state[5]):
-        return 0.0, 0.0
+    if not holds(y, end, j2, strength):
+        return none
     change = 3.0 * (bulk - k0) * tr
     drift = 2.0 * shear * (drained - start) / drained
     size = end * end / 3.0 + 2.0 * j2 + control.stress_scale * control.stress_scale
     if change * change / 3.0 + drift * drift * ee > control.tolerance * control.tolerance * size:
-        return 0.0, 0.0
-    return bulk, shear
+        return none
+    return shear, end, p, strength, content
 
 
 @inlined
@@ -149,8 +155,7 @@ def update_rows(elasticity, pores, surface, strengths, controls, columns, stress
     """Advance `stress` (n, 4|6) and `state` (n, k) in place by `increment` (n, 4|6) over `dt` s.
 
     `columns` are the state's columns of damage time, strength factor and quasi-static stress, -1 where the
-    material has none. A row whose update fails keeps its start state, is counted in its failure column, and is one of
-    the numbers returned.
+    material has none. A row whose update fails keeps its start state; the numbers of those rows are returned.
     """
     m = unpack_elasticity(elasticity)
     c = unpack_pores(pores)
@@ -173,33 +178,35 @@ def update_rows(elasticity, pores, surface, strengths, controls, columns, stress
         se = _product(s, e)
         ee = _product(e, e)
         if tr == 0.0 and ee == 0.0:  # the two follow from evp: make them exact, e.g. for newborn rows
-            p, _, x, _ = harden(c, state[b, EVP], state[b, PRESSURE])
+            p, _, x, _ = harden(c, state[b, EVP], state[b, CONTENT], 0.0, state[b, PRESSURE])
             state[b, PRESSURE] = p
             state[b, STRENGTH] = x - 3.0 * p
         p = state[b, PRESSURE]
-        row = (i1, 0.0, 0.0, state[b, EVP], p, state[b, STRENGTH] + 3.0 * p)
+        row = (i1, 0.0, 0.0, state[b, EVP], p, state[b, STRENGTH] + 3.0 * p, state[b, CONTENT])
         growth = state[b, time_column] if time_column >= 0 else -1.0
         factor = state[b, factor_column] if factor_column >= 0 else 1.0
         y = y_all
         if time_column >= 0 or factor_column >= 0:
             y = weakened_surface(strength, factor, growth)
-        bulk = shear = 0.0
+        shear = effective = after = content = 0.0
         if control.fixed_substeps == 0.0:
-            bulk, shear = _elastic_moduli_of_step(m, c, y, control, row, tr, ss, se, ee)
+            shear, effective, p, after, content = _elastic_step(m, c, y, control, row, tr, ss, se, ee)
         over_trace = over_s = over_e = 0.0
-        if bulk > 0.0:
-            trace, s_share, e_share = i1 + 3.0 * bulk * tr, 1.0, 2.0 * shear
+        if shear > 0.0:
+            trace, s_share, e_share = effective - 3.0 * p, 1.0, 2.0 * shear
             memory = 0.0
+            if c.elastic_pressure:
+                state[b, PRESSURE], state[b, CONTENT] = p, content
+                state[b, STRENGTH] = after - 3.0 * p
             if viscous and _is_overstressed(stress, state, b, static_column, components):
                 memory = math.exp(-_rate_time(control, dt, tr, ee))
         else:
             u0, e1, e2 = _basis(ss, se, ee)
-            row = (i1, u0, 0.0, state[b, EVP], p, row[5])
+            row = (i1, u0, 0.0, row[3], row[4], row[5], row[6])
             row, growth, push, memory, fine = advance(
                 m, c, y, strength, factor, control, row, growth, dt, tr, e1, e2
             )
             if not fine:
-                state[b, FAILURES] += 1.0
                 if failures == len(failed):
                     failed = np.append(failed, np.empty(failures + 8, np.int64))
                 failed[failures] = b
@@ -212,6 +219,7 @@ def update_rows(elasticity, pores, surface, strengths, controls, columns, stress
             state[b, EVP] = row[3]
             state[b, PRESSURE] = row[4]
             state[b, STRENGTH] = row[5] - 3.0 * row[4]
+            state[b, CONTENT] = row[6]
             if time_column >= 0:
                 state[b, time_column] = growth
         static = _combine(trace, s, s_share, e, e_share)
@@ -227,23 +235,26 @@ def update_rows(elasticity, pores, surface, strengths, controls, columns, stress
 
 
 @inlined
-def _enclosing_strain(c, y, i1, j2):
-    """Smallest volumetric plastic strain whose surface holds the stress (total I1, J2); NaN if none does."""
+def _enclosing_strain(c, y, ratio, i1, j2):
+    """Smallest volumetric plastic strain whose surface holds the stress (effective I1, J2); NaN if none does.
+
+    The surface is that of a strength X_eff `ratio` times smaller than the strain's: the soil is overconsolidated.
+    """
     low = 0.0
-    p, dp, x, dx = harden(c, low, c.pressure)
+    _, _, x, dx = harden(c, low, c.phi0, 0.0, c.pressure)
     while True:  # in steps over which the surface moves by less than its own length
-        evp = low + min(1e-7 + 0.1 * low, 0.1 * (y.peak - x) / (3.0 * dp - dx + 1.0))
-        if evp >= 0.999 * c.p3 or i1 + 3.0 * p > y.peak:
+        evp = low + min(1e-7 + 0.1 * low, 0.1 * (y.peak - x) / (1.0 - dx))
+        if evp >= 0.999 * c.p3 or i1 > y.peak:
             return math.nan
-        p, dp, x, dx = harden(c, evp, p)
-        if holds(y, i1 + 3.0 * p, j2, x):
+        _, _, x, dx = harden(c, evp, pore_volume(c, evp), 0.0, c.pressure)
+        if holds(y, i1, j2, x / ratio):
             break
         low = evp
     high = evp
     for _ in range(60):
         evp = 0.5 * (low + high)
-        p, _, x, _ = harden(c, evp, p)
-        if holds(y, i1 + 3.0 * p, j2, x):
+        _, _, x, _ = harden(c, evp, pore_volume(c, evp), 0.0, c.pressure)
+        if holds(y, i1, j2, x / ratio):
             high = evp
         else:
             low = evp
@@ -251,10 +262,11 @@ def _enclosing_strain(c, y, i1, j2):
 
 
 @kernel
-def fill_initial(pores, surface, strengths, columns, i1, j2, state):
+def fill_initial(pores, surface, strengths, columns, ratio, i1, j2, state):
     """Fill the leading columns of `state` (n, k) for rows of given total I1 and J2 (n,).
 
-    The failure column is 1 where no yield surface holds the stress.
+    Their pores hold fluid at the initial pressure: they were consolidated drained, by `ratio` times the effective
+    stress. The plastic strain is NaN where no yield surface holds the stress.
     """
     c = unpack_pores(pores)
     y_all = unpack_surface(surface)
@@ -266,16 +278,16 @@ def fill_initial(pores, surface, strengths, columns, i1, j2, state):
             factor = state[b, factor_column] if factor_column >= 0 else 1.0
             y = weakened_surface(strength, factor, 0.0 if time_column >= 0 else -1.0)
         evp = 0.0
-        p, _, x, _ = harden(c, evp, c.pressure)
-        if not holds(y, i1[b] + 3.0 * p, (1.0 - 1e-9) * j2[b], x):
-            evp = _enclosing_strain(c, y, i1[b], j2[b])
-            if math.isnan(evp):
-                state[b, FAILURES] = 1.0
-                continue
-            p, _, x, _ = harden(c, evp, p)
+        effective = i1[b] + 3.0 * c.pressure
+        _, _, x, _ = harden(c, evp, c.phi0, 0.0, c.pressure)
+        if not holds(y, effective, (1.0 - 1e-9) * j2[b], x / ratio):
+            evp = _enclosing_strain(c, y, ratio, effective, j2[b])
+        content = pore_volume(c, evp)
+        p, _, x, _ = harden(c, evp, content, 0.0, c.pressure)
         state[b, EVP] = evp
         state[b, PRESSURE] = p
         state[b, STRENGTH] = x - 3.0 * p
+        state[b, CONTENT] = content
 
 
 @kernel

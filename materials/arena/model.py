@@ -11,7 +11,15 @@ from periporo.core.points.material import StateField, UpdatesFailed
 from periporo.materials.arena import pores as pore_space
 from periporo.materials.arena.constants import STRESS_FLOOR, Control, Elasticity, Pores, Strength, Surface, pack
 from periporo.materials.arena.elasticity import fill_moduli
-from periporo.materials.arena.kernel import EVP, FAILURES, PRESSURE, STRENGTH, fill_initial, fill_yield, update_rows
+from periporo.materials.arena.kernel import (
+    CONTENT,
+    EVP,
+    PRESSURE,
+    STRENGTH,
+    fill_initial,
+    fill_yield,
+    update_rows,
+)
 from periporo.materials.arena.parameters import ArenaParameters
 from periporo.materials.arena.pores import fill_pores
 from periporo.materials.arena.surface import coefficients, squared_limit, weakened_surface
@@ -24,8 +32,7 @@ class Arena(ArenaParameters):
 
     Stress is total stress, tension positive; the model owns its pore pressure. State columns: volumetric
     plastic strain (compaction positive), pore pressure, compressive strength X (I1 of total stress,
-    negative), number of failed updates, and where switched on the damage time, the strength factor and the
-    quasi-static stress.
+    negative), fluid content, and where switched on the damage time, the strength factor and the quasi-static stress.
     """
 
     owns_pore_pressure: ClassVar[bool] = True
@@ -47,7 +54,7 @@ class Arena(ArenaParameters):
             StateField("volumetric_plastic_strain", "1"),
             StateField("pore_pressure", "Pa"),
             StateField("compressive_strength", "Pa", merge="log_mean"),
-            StateField("failed_updates", "1"),
+            StateField("fluid_content", "1", merge="log_mean"),
         ]
         if self.do_damage:
             fields.append(StateField("damage_time", "s"))
@@ -66,7 +73,12 @@ class Arena(ArenaParameters):
 
     @cached_property
     def _elasticity(self) -> Elasticity:
+        grain, slope, reference = self.grain_bulk_modulus, self.grain_slope, self.grain_reference_pressure
         return Elasticity(
+            float(grain),
+            float(slope),
+            float(reference),
+            1.0 / (grain - slope * reference),
             float(self.b0),
             float(self.b1),
             float(self.b2),
@@ -98,6 +110,12 @@ class Arena(ArenaParameters):
             self.p3,
             float(self.p1_sat),
             max(float(self.p0), 1000.0),
+            float(self.air_exponent),
+            float(self.atmospheric_pressure),
+            float(self.water_bulk_modulus),
+            float(self.water_slope),
+            float(self.water_reference_pressure),
+            self.pore_pressure == "total",
         )
         air = (1.0 - self.initial_saturation) * pore_space.air_volume(pores, 0.0)
         water = self.initial_saturation * pore_space.water_volume(pores, 0.0)[0]
@@ -143,8 +161,9 @@ class Arena(ArenaParameters):
     def initial_state(self, stress: np.ndarray, ids: np.ndarray, volume: np.ndarray) -> np.ndarray:
         """State (n, k) of rows that start at the total `stress` (n, 4|6) Pa.
 
-        Rows without any stress are set to minus the initial fluid pressure, in place. A stress beyond the
-        virgin surface gets the volumetric plastic strain whose cap encloses it (normally consolidated).
+        The pores hold fluid at the initial fluid pressure, so the effective stress is known. Rows without any stress
+        are set to minus that pressure, in place. An effective stress beyond the virgin surface, times the ratio of
+        overconsolidation, gets the volumetric plastic strain whose cap encloses it: the soil was consolidated drained.
         Raises ValueError where no cap can, and where a strength factor leaves no valid yield surface.
         """
         n, components = stress.shape
@@ -158,13 +177,13 @@ class Arena(ArenaParameters):
         if static_column >= 0:
             state[:, static_column : static_column + components] = stress
         i1, j2 = self._invariants(stress)
-        fill_initial(*self._packed[1:4], self._columns, i1, j2, state)
-        bad = np.flatnonzero(state[:, FAILURES] != 0)
+        fill_initial(*self._packed[1:4], self._columns, float(self.overconsolidation_ratio), i1, j2, state)
+        bad = np.flatnonzero(np.isnan(state[:, EVP]))
         if bad.size:
             b = bad[0]
             raise ValueError(
                 f"row {b} (ids {ids[b].tolist()}): initial stress with I1 = {i1[b]:.6g} Pa and sqrt(J2) = "
-                f"{math.sqrt(j2[b]):.6g} Pa lies outside every yield surface (pore pressure "
+                f"{math.sqrt(j2[b]):.6g} Pa lies outside every yield surface (fluid pressure "
                 f"{self.initial_fluid_pressure:.6g} Pa); reduce its shear or tension, or raise FSLOPE, PEAKI1"
             )
         return state
@@ -186,7 +205,7 @@ class Arena(ArenaParameters):
         """Advance `stress` (n, 4|6) Pa and `state` (n, k) in place by `strain_increment` over `dt` s.
 
         With infinite `dt` the overstress vanishes and damage does not grow. Raises UpdatesFailed for rows whose
-        update fails: they keep their start state, and their `failed_updates` column counts it.
+        update fails: they keep their start state.
         """
         failed = update_rows(*self._packed, self._columns, stress, strain_increment, state, float(dt))
         if len(failed):
@@ -195,10 +214,9 @@ class Arena(ArenaParameters):
     def elastic_moduli(self, stress, state):
         """Bulk and shear modulus of compressive unloading at the current state, two (n,) arrays in Pa."""
         i1, _ = self._invariants(self._static_stress(stress, state))
-        pressure = np.ascontiguousarray(state[:, PRESSURE])
+        pressure, evp, content = (np.ascontiguousarray(state[:, c]) for c in (PRESSURE, EVP, CONTENT))
         bulk, shear = np.empty(len(stress)), np.empty(len(stress))
-        evp = np.ascontiguousarray(state[:, EVP])
-        fill_moduli(*self._packed[:2], i1 + 3.0 * pressure, pressure, evp, bulk, shear)
+        fill_moduli(*self._packed[:2], i1 + 3.0 * pressure, pressure, evp, content, bulk, shear)
         return bulk, shear
 
     def friction_angles(self, dimension: int, factor: float = 1.0) -> FrictionAngles:
@@ -230,8 +248,8 @@ class Arena(ArenaParameters):
         """
         n = len(state)
         porosity, saturation = np.empty(n), np.empty(n)
-        pressure = np.ascontiguousarray(state[:, PRESSURE])
-        fill_pores(self._packed[1], np.ascontiguousarray(state[:, EVP]), pressure, porosity, saturation)
+        pressure, evp, content = (np.ascontiguousarray(state[:, c]) for c in (PRESSURE, EVP, CONTENT))
+        fill_pores(self._packed[1], evp, content, pressure, porosity, saturation)
         peak, _ = self._yield(stress, state)
         kappa = peak - self.CR * (peak - state[:, STRENGTH] - 3.0 * pressure)
         derived = {"porosity": porosity, "saturation": saturation, "kappa": kappa}

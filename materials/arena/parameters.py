@@ -20,6 +20,10 @@ class ArenaParameters(MaterialParameters):
     initial_porosity: float = _field(0.40, "porosity at the start", gt=0, lt=1)
     initial_saturation: float = _field(0.5, "water's share of the pores at the start", ge=0, le=1)
     initial_fluid_pressure: float = _field(0.0, "gauge pore pressure at the start", "Pa", ge=0)
+    overconsolidation_ratio: float = _field(1.0, "hydrostatic strength over that of an initial stress", ge=1)
+    pore_pressure: Literal["plastic", "total"] = _field(
+        "plastic", "strain that changes the pore pressure (eqs 55-66)"
+    )
     reference_porosity: float = _field(0.42, "porosity that the moduli were fitted at", gt=0, lt=1)
 
     p0: float = _field(1e3, "hydrostatic strength (I1) of the loose soil", "Pa", gt=0)
@@ -36,6 +40,15 @@ class ArenaParameters(MaterialParameters):
     G0: float = _field(7e8, "shear modulus where Poisson's ratio is not positive", "Pa", gt=0)
     nu1: float = _field(0.35, "Poisson's ratio: constant part", gt=-1, lt=0.5)
     nu2: float = _field(-0.05, "Poisson's ratio: part that fades with stiffness", gt=-1, lt=1)
+
+    grain_bulk_modulus: float = _field(40e9, "bulk modulus of the grains K_s0", "Pa", gt=0)
+    grain_slope: float = _field(4.0, "its slope in pressure n_s", ge=0)
+    grain_reference_pressure: float = _field(101325.0, "pressure at which the grains have K_s0", "Pa", ge=0)
+    water_bulk_modulus: float = _field(2.21e9, "bulk modulus of the water K_w0", "Pa", gt=0)
+    water_slope: float = _field(6.029, "its slope in pressure n_w", gt=0)
+    water_reference_pressure: float = _field(1e-4, "pressure at which the water has K_w0", "Pa", ge=0)
+    air_exponent: float = _field(1.4, "adiabatic exponent of the air", gt=0)
+    atmospheric_pressure: float = _field(101325.0, "absolute pressure at gauge pressure 0", "Pa", gt=0)
 
     PEAKI1: float = _field(1e3, "largest tensile I1", "Pa", ge=0)
     FSLOPE: float = _field(0.453, "slope of the shear limit at the vertex", ge=0)
@@ -127,6 +140,14 @@ class ArenaParameters(MaterialParameters):
                 f"nu1 = {self.nu1} and nu2 = {self.nu2}: Poisson's ratio lies between nu1 and nu1 + nu2, "
                 "which must stay above -1 and below 0.5"
             )
+        others = (self.undrained_unloading, self.density_scaling, self.use_disaggregation_algorithm)
+        if self.pore_pressure == "total" and others != ("fluid", "drained", False):
+            raise ValueError(
+                "pore_pressure: total needs undrained_unloading: fluid, density_scaling: drained and no "
+                "disaggregation: the others change the stiffness without the pressure"
+            )
+        if self.grain_slope * self.grain_reference_pressure >= self.grain_bulk_modulus:
+            raise ValueError("grain_slope times grain_reference_pressure must stay below grain_bulk_modulus")
         if self.BETA > 1.0 and self.BETA_acts_on == "surface" and self.BETA_above_1 == "refuse":
             raise ValueError(
                 f"BETA = {self.BETA} exceeds 1: on the shear limit soil would dilate by more than BETA^2 times the "
