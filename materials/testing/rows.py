@@ -3,6 +3,7 @@
 import numpy as np
 
 from periporo.core.points.material import Material, StepRefused, UpdatesFailed, state_columns
+from periporo.core.points.opening import advance_rows
 from periporo.materials.testing.breaches import ModuliError, NonFiniteError, RefusalError, ShapeError
 
 ROWS = 24
@@ -49,10 +50,10 @@ class Rows:
         return moduli
 
     def after(self, stress, increment, state, dt, halvings=_MOST_HALVINGS):
-        """Stress and state after one call; after two of half the step where the law refuses it, as in a run."""
+        """Stress and state after one step; after two of half of it where the law refuses it, as in a run."""
         new_stress, new_state = stress.copy(), state.copy()
         try:
-            self.material.compute_stress(new_stress, increment.copy(), new_state, dt)
+            advance_rows(self.material, new_stress, increment.copy(), new_state, dt)
         except UpdatesFailed as failure:
             self.check_rows(failure.rows, len(increment))
             self.failures += len(failure.rows)
