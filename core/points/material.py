@@ -111,6 +111,11 @@ class Material(Protocol):
         """
 
 
+def derived_fields(material: Material) -> tuple[StateField, ...]:
+    """What the law's `derived_state` gives besides the state, if it says so."""
+    return getattr(material, "derived_fields", ())
+
+
 def state_column(material: Material, name: str, components: int) -> int | None:
     """First column of the state field `name` of `material`, None if it has no such field."""
     start = 0

@@ -13,8 +13,8 @@ import math
 from periporo.core.numerics.jit import inlined
 from periporo.materials.arena.elasticity import fluid_stiffens, moduli, pore_fluid
 from periporo.materials.arena.pores import harden
-from periporo.materials.arena.returns import backward_euler, crossing, strained_pores
-from periporo.materials.arena.surface import branch, holds, is_clear, weakened_surface
+from periporo.materials.arena.returns import backward_euler, crossing, let_go, strained_pores
+from periporo.materials.arena.surface import holds, is_clear, share_of_limit, weakened_surface
 
 _GAMMA = 1.0 - math.sqrt(0.5)  # stage length that makes the two stages second order and L-stable
 _EXTRAPOLATION = (1.0 - 2.0 * _GAMMA) / _GAMMA  # from the end of stage one to where stage two starts
@@ -80,20 +80,24 @@ def _two_stages(c, y_stage, y, bulk, shear, coupling, state, tr, e1, e2, guess):
 def _aging_share(control, y, shear, start, end, tr, e1, e2):
     """Share of a substep's time that damages: |plastic strain increment| / |strain increment|, at most 1.
 
-    None where it ends on the cap, unless that counts, too.
+    Less where it ends on the cap near the shear limit, and nothing beyond, unless the cap counts, too.
     """
-    if not control.damage_on_cap and end[0] + 3.0 * end[4] < branch(y, end[5]):
+    weight = 1.0 if control.damage_on_cap else share_of_limit(y, end[0] + 3.0 * end[4], end[5])
+    if weight == 0.0:
         return 0.0
     u = start[1] + 2.0 * shear * e1 - end[1]
     w = start[2] + 2.0 * shear * e2 - end[2]
     plastic = _norm(end[3] - start[3], u / (2.0 * shear), w / (2.0 * shear))
     total = _norm(tr, e1, e2)
-    return min(plastic / total, 1.0) if total > 0.0 else 0.0
+    return weight * min(plastic / total, 1.0) if total > 0.0 else 0.0
 
 
 @inlined
-def _plastic_substep(m, c, control, strength, y, factor, growth, dt, start, state, tr, e1, e2):
-    """One substep that yields, from the moduli `start`: new state, mean moduli used, error, new growth time."""
+def _plastic_substep(m, c, control, strength, y, factors, growth, dt, start, state, tr, e1, e2):
+    """One substep that yields, from the moduli `start`.
+
+    Returns the new state, the strain by which the row opened, the mean moduli used, the error, the new growth time.
+    """
     accuracy = _PREDICTOR_SHARE * math.sqrt(control.tolerance)
     k0, g0, c0, _ = start
     first = backward_euler(c, y, k0, g0, c0, state, tr, e1, e2, 0.0, accuracy)
@@ -106,15 +110,16 @@ def _plastic_substep(m, c, control, strength, y, factor, growth, dt, start, stat
     y_stage = y_end = y
     if control.damage:
         rise = dt * _aging_share(control, y, g0, state, first, tr, e1, e2)
-        y_stage = weakened_surface(strength, factor, growth + _GAMMA * rise)
-        y_end = weakened_surface(strength, factor, growth + rise)
+        y_stage = weakened_surface(strength, factors, growth + _GAMMA * rise)
+        y_end = weakened_surface(strength, factors, growth + rise)
     end = _two_stages(c, y_stage, y_end, bulk, shear, coupling, state, tr, e1, e2, x)
     if control.damage:
         growth += dt * _aging_share(control, y_end, shear, state, end, tr, e1, e2)
     error = _error(first, end, control.stress_scale) / control.tolerance
     change = abs(k1 - k0) / (_MODULUS_CHANGE * max(k0, k1))
     compaction = (end[3] - state[3]) / (_COMPACTION_SHARE * (c.p3 - state[3]))
-    return end, (bulk, shear, coupling, 0.0), max(error, change * change, compaction), growth
+    end, gap = let_go(c, y_end, state, end)
+    return end, gap, (bulk, shear, coupling, 0.0), max(error, change * change, compaction), growth
 
 
 @inlined
@@ -185,13 +190,30 @@ def _relax(control, over, push, memory, rate_time):
 
 
 @inlined
-def advance(m, c, y, strength, factor, control, state, growth, dt, tr, e1, e2):
+def _spend(spent, start, end, gap, shear, e1, e2):
+    """Add a plastic substep to `spent`: plastic strain (trace, u, w), its length, its work, and the opened strain.
+
+    The work is that of the effective stress on the plastic strain and on the opening.
+    """
+    compacted = end[3] - start[3]
+    u = e1 + (start[1] - end[1]) / (2.0 * shear)
+    w = e2 + (start[2] - end[2]) / (2.0 * shear)
+    mean = (start[0] + 3.0 * start[4] + end[0] + 3.0 * end[4]) / 6.0
+    work = 0.5 * ((start[1] + end[1]) * u + (start[2] + end[2]) * w) - mean * (compacted - gap)
+    length = _norm(compacted, u, w)
+    return spent[0] - compacted, spent[1] + u, spent[2] + w, spent[3] + length, spent[4] + work, spent[5] + gap
+
+
+@inlined
+def advance(m, c, y, strength, factors, control, state, growth, dt, tr, e1, e2):
     """Advance `state` by a strain increment over `dt` s.
 
     Returns the state, the growth time of damage, the new overstress (I1, u, w), the share that is left of
-    the old one, and whether all went well.
+    the old one, what was `spent` (see `_spend`), the last moduli, and whether all went well.
     """
     over = (0.0, 0.0, 0.0)
+    spent = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    used = (0.0, 0.0, 0.0, 0.0)
     viscous = control.relaxation_time > 0.0 and dt < math.inf
     memory = 1.0 if viscous else 0.0
     per_step = 0.0  # time step over relaxation time, dt / (T1 rate^-T2)
@@ -210,22 +232,24 @@ def advance(m, c, y, strength, factor, control, state, growth, dt, tr, e1, e2):
         dtr, d1, d2 = h * tr, h * e1, h * e2
         i1 = state[0] + 3.0 * state[4]
         if control.damage:
-            y = weakened_surface(strength, factor, growth)
+            y = weakened_surface(strength, factors, growth)
         fluid = pore_fluid(c, state[4], state[3], state[6])
         start = moduli(m, c, fluid, i1, state[4], state[3], tr < 0.0)
         push = (0.0, 0.0, 0.0)
         inside = is_clear(y, i1, 0.5 * (state[1] ** 2 + state[2] ** 2), state[5], _ON_SURFACE)
         new, share, gap = _elastic_part(m, c, y, fluid, state, start, dtr, d1, d2, inside)
-        error = 0.0
+        error = gap_opened = 0.0
         new_growth = growth
-        if share > 0.0:
+        used = start
+        plastic = share == 0.0
+        if not plastic:
             size = _norm(new[0] + 3.0 * new[4], new[1], new[2]) + control.stress_scale
             error = gap / (size * control.tolerance)
         else:
             share = 1.0
             substep_time = h * dt if dt < math.inf else 0.0
-            new, used, error, new_growth = _plastic_substep(
-                m, c, control, strength, y, factor, growth, substep_time, start, state, dtr, d1, d2
+            new, gap_opened, used, error, new_growth = _plastic_substep(
+                m, c, control, strength, y, factors, growth, substep_time, start, state, dtr, d1, d2
             )
             if viscous:
                 trial, _, _ = strained_pores(c, used[2], state, dtr)
@@ -237,12 +261,14 @@ def advance(m, c, y, strength, factor, control, state, growth, dt, tr, e1, e2):
         substeps += 1
         if not math.isfinite(new[0] + new[1] + new[2] + new[3] + new[4]) or substeps > _MAX_SUBSTEPS:
             if not adaptive or h <= _SMALLEST_STEP or substeps > _MAX_SUBSTEPS:
-                return state, growth, over, memory, False
+                return state, growth, over, memory, spent, used, False
             h *= 0.25
             continue
         if adaptive and error > 1.0 and h > _SMALLEST_STEP:
             h *= max(0.9 / math.sqrt(error), 0.1)
             continue
+        if plastic:
+            spent = _spend(spent, state, new, gap_opened, used[1], d1, d2)
         state = new
         growth = new_growth
         if viscous:
@@ -250,4 +276,4 @@ def advance(m, c, y, strength, factor, control, state, growth, dt, tr, e1, e2):
         done += share * h
         h = min(share * h * min(0.9 / math.sqrt(error + 1e-4), 5.0), 1.0) if share == 1.0 and adaptive else h
         h = min(h, largest)
-    return state, growth, over, memory, True
+    return state, growth, over, memory, spent, used, True

@@ -7,22 +7,27 @@ from typing import ClassVar, Self
 import numpy as np
 
 from periporo.core.numerics import tensors
-from periporo.core.points.material import StateField, UpdatesFailed
+from periporo.core.points.material import OPENED, StateField, UpdatesFailed, state_column, state_columns
 from periporo.materials.arena import pores as pore_space
 from periporo.materials.arena.constants import STRESS_FLOOR, Control, Elasticity, Pores, Strength, Surface, pack
 from periporo.materials.arena.elasticity import fill_moduli
-from periporo.materials.arena.kernel import (
+from periporo.materials.arena.kernel import update_rows
+from periporo.materials.arena.parameters import STRENGTHS, ArenaParameters
+from periporo.materials.arena.pores import fill_pores
+from periporo.materials.arena.state import (
     CONTENT,
     EVP,
+    FACTOR,
+    FACTORS,
     PRESSURE,
+    STATIC,
     STRENGTH,
+    TIME,
     fill_initial,
     fill_yield,
-    update_rows,
+    surface_of,
 )
-from periporo.materials.arena.parameters import ArenaParameters
-from periporo.materials.arena.pores import fill_pores
-from periporo.materials.arena.surface import coefficients, squared_limit, weakened_surface
+from periporo.materials.arena.surface import coefficients, squared_limit
 from periporo.materials.arena.variability import strength_factors
 from periporo.materials.friction import FrictionAngles, angles_of_cone
 
@@ -31,8 +36,9 @@ class Arena(ArenaParameters):
     """Arena soil model (Arena manual, Banerjee & Brannon 2017) with the corrections of docs/explanation/arena.md.
 
     Stress is total stress, tension positive; the model owns its pore pressure. State columns: volumetric
-    plastic strain (compaction positive), pore pressure, compressive strength X (I1 of total stress,
-    negative), fluid content, and where switched on the damage time, the strength factor and the quasi-static stress.
+    plastic strain (compaction positive), pore pressure, compressive strength X (I1 of total stress, negative), fluid
+    content, opened strain, and where switched on the damage time, strength factors, the quasi-static stress, the
+    plastic strain and its length, the dissipation.
     """
 
     owns_pore_pressure: ClassVar[bool] = True
@@ -55,21 +61,35 @@ class Arena(ArenaParameters):
             StateField("pore_pressure", "Pa"),
             StateField("compressive_strength", "Pa", merge="log_mean"),
             StateField("fluid_content", "1", merge="log_mean"),
+            OPENED,
         ]
         if self.do_damage:
             fields.append(StateField("damage_time", "s"))
         if self.do_variability:
-            fields.append(StateField("strength_factor", "1", merge="log_mean"))
+            fields += [StateField(name, "1", merge="log_mean") for name in self._factor_names]
         if self.rate_dependent:
             fields.append(StateField("quasistatic_stress", "Pa", kind="tensor"))
+        if self.report_plastic_strain:
+            fields += [StateField("plastic_strain", "1", kind="tensor"), StateField("plastic_strain_length", "1")]
+        if self.report_dissipation:
+            fields.append(StateField("dissipation", "J/m^3"))
         return tuple(fields)
 
+    @property
+    def _factor_names(self) -> list[str]:
+        """One strength factor for all, or one for each strength that has a Weibull law of its own."""
+        return ["strength_factor"] if self.scatter_is_common else [f"{name}_factor" for name in STRENGTHS]
+
     @cached_property
-    def _columns(self) -> np.ndarray:
-        """Columns of damage time, strength factor and quasi-static stress; -1 for those without."""
-        names = [f.name for f in self.state_fields]
-        optional = ("damage_time", "strength_factor", "quasistatic_stress")
-        return np.array([names.index(n) if n in names else -1 for n in optional])
+    def _columns(self) -> dict[int, np.ndarray]:
+        """What `periporo.materials.arena.state` calls `columns`, by the number of stored components."""
+        return {components: self._columns_of(components) for components in (4, 6)}
+
+    def _columns_of(self, components: int) -> np.ndarray:
+        names = ("damage_time", self._factor_names[0], "quasistatic_stress", "plastic_strain", "plastic_strain_length")
+        found = [state_column(self, name, components) for name in (*names, "dissipation")]
+        found.insert(FACTORS, len(self._factor_names))
+        return np.array([-1 if column is None else column for column in found])
 
     @cached_property
     def _elasticity(self) -> Elasticity:
@@ -167,17 +187,16 @@ class Arena(ArenaParameters):
         Raises ValueError where no cap can, and where a strength factor leaves no valid yield surface.
         """
         n, components = stress.shape
+        columns = self._columns[components]
         if self.initial_fluid_pressure > 0:
             stress[np.ix_(~stress.any(axis=1), np.arange(3))] = -self.initial_fluid_pressure
-        width = sum(f.columns(components) for f in self.state_fields)
-        state = np.zeros((n, width))
-        _, factor_column, static_column = self._columns
-        if factor_column >= 0:
-            state[:, factor_column] = self._checked_factors(ids, volume)
-        if static_column >= 0:
-            state[:, static_column : static_column + components] = stress
+        state = np.zeros((n, state_columns(self, components)))
+        if columns[FACTOR] >= 0:
+            state[:, columns[FACTOR] : columns[FACTOR] + columns[FACTORS]] = self._checked_factors(ids, volume)
+        if columns[STATIC] >= 0:
+            state[:, columns[STATIC] : columns[STATIC] + components] = stress
         i1, j2 = self._invariants(stress)
-        fill_initial(*self._packed[1:4], self._columns, float(self.overconsolidation_ratio), i1, j2, state)
+        fill_initial(*self._packed[1:4], columns, float(self.overconsolidation_ratio), i1, j2, state)
         bad = np.flatnonzero(np.isnan(state[:, EVP]))
         if bad.size:
             b = bad[0]
@@ -189,16 +208,20 @@ class Arena(ArenaParameters):
         return state
 
     def _checked_factors(self, ids, volume):
-        factors = strength_factors(
-            ids, volume, self.weibull_modulus, self.weibull_reference_volume, self.weibull_seed
-        )
-        peak, _, stren, yslope = self.intact_strength()
-        if stren > 0 and (factors.max() * yslope * peak >= stren):
-            raise ValueError(
-                f"strength factor {factors.max():.4g} (size effect and Weibull draw) breaks the rule "
-                f"STREN > YSLOPE * PEAKI1; lower PEAKI1 = {peak} or weibull_reference_volume = "
-                f"{self.weibull_reference_volume} m^3"
-            )
+        """Strength factors (n, 1|4): size effect times Weibull draw."""
+        laws = [self.scatter(name) for name in (STRENGTHS if len(self._factor_names) > 1 else STRENGTHS[:1])]
+        factors = np.stack([strength_factors(ids, volume, *law) for law in laws], axis=1)
+        peak, fslope, stren, yslope = (factors * self.intact_strength()).T
+        if self.YSLOPE > 0:
+            bad = np.flatnonzero((stren <= yslope * peak) | (fslope <= yslope))
+            if bad.size:
+                b = bad[0]
+                raise ValueError(
+                    f"row {b} (ids {ids[b].tolist()}): strength factors {factors[b]} (size effect, Weibull draw) make "
+                    f"PEAKI1 = {peak[b]:.4g}, FSLOPE = {fslope[b]:.4g}, STREN = {stren[b]:.4g} and YSLOPE = "
+                    f"{yslope[b]:.4g}, against the rules STREN > YSLOPE * PEAKI1, FSLOPE > YSLOPE; lower PEAKI1 or "
+                    "weibull_reference_volume, or let the strengths draw alike (the same weibull_seed and _modulus)"
+                )
         return factors
 
     def compute_stress(self, stress, strain_increment, state, dt):
@@ -207,7 +230,7 @@ class Arena(ArenaParameters):
         With infinite `dt` the overstress vanishes and damage does not grow. Raises UpdatesFailed for rows whose
         update fails: they keep their start state.
         """
-        failed = update_rows(*self._packed, self._columns, stress, strain_increment, state, float(dt))
+        failed = update_rows(*self._packed, self._columns[stress.shape[1]], stress, strain_increment, state, float(dt))
         if len(failed):
             raise UpdatesFailed(failed, "the return to the yield surface did not converge")
 
@@ -226,8 +249,10 @@ class Arena(ArenaParameters):
 
     def doubts(self, stress: np.ndarray, state: np.ndarray) -> dict[str, str]:
         """What looks wrong about the parameters and the rows' strength, by subject."""
-        column = self._columns[1]
-        strongest = float(state[:, column].max(initial=0.0)) if column >= 0 else 1.0
+        columns, strongest = self._columns[stress.shape[1]], 1.0
+        if columns[FACTOR] >= 0:
+            slopes = columns[FACTOR] + (STRENGTHS.index("FSLOPE") if columns[FACTORS] > 1 else 0)
+            strongest = float(state[:, slopes].max(initial=0.0))
         dimension = tensors.dimension_of(stress)
         angles = self.friction_angles(dimension, strongest)
         acting, where = (angles.plane_strain, "plane strain") if dimension == 2 else (angles.compression, "compression")
@@ -239,6 +264,19 @@ class Arena(ArenaParameters):
             "friction": f"FSLOPE {self.FSLOPE:g} times a strength factor of {strongest:.3g} has no limit in {where} at "
             "low pressure; the size effect makes points that are smaller than weibull_reference_volume stronger"
         }
+
+    @property
+    def derived_fields(self) -> tuple[StateField, ...]:
+        """What `derived_state` gives."""
+        fields = [StateField("porosity", "1"), StateField("saturation", "1"), StateField("kappa", "Pa")]
+        fields += [StateField("coherence", "1")] if self.do_damage else []
+        fields += [] if self.rate_dependent else [StateField("quasistatic_stress", "Pa", kind="tensor")]
+        return tuple(fields)
+
+    @property
+    def default_output(self) -> tuple[str, ...]:
+        """What results hold without being asked."""
+        return ("pore_pressure", "porosity", "saturation", *(("coherence",) if self.do_damage else ()))
 
     def derived_state(self, stress: np.ndarray, state: np.ndarray) -> dict[str, np.ndarray]:
         """Quantities that follow from the stored ones: porosity, saturation, branch point kappa (I1_eff, Pa).
@@ -254,7 +292,7 @@ class Arena(ArenaParameters):
         kappa = peak - self.CR * (peak - state[:, STRENGTH] - 3.0 * pressure)
         derived = {"porosity": porosity, "saturation": saturation, "kappa": kappa}
         if self.do_damage:
-            time = state[:, self._columns[0]]
+            time = state[:, self._columns[stress.shape[1]][TIME]]
             derived["coherence"] = 1.0 / (1.0 + np.exp(-self.fspeed * (1.0 - time / self.time_at_failure)))
         if not self.rate_dependent:
             derived["quasistatic_stress"] = stress.copy()
@@ -267,7 +305,7 @@ class Arena(ArenaParameters):
         """
         pressure = state_row[PRESSURE]
         strength = state_row[STRENGTH] + 3.0 * pressure
-        surface = self._surface_of(state_row)
+        surface = self._surface_of(state_row, len(stress_row))
         middle, half = 0.5 * (surface.peak + strength), 0.5 * (surface.peak - strength)
         i1 = middle - half * np.cos(np.linspace(0.0, np.pi, 201))  # denser at both steep ends
         square = np.array([squared_limit(surface, value, strength) for value in i1])
@@ -281,19 +319,15 @@ class Arena(ArenaParameters):
         """PEAKI1 and excess, both (n,)."""
         i1, j2 = self._invariants(self._static_stress(stress, state))
         peak, excess = np.empty(len(stress)), np.empty(len(stress))
-        fill_yield(*self._packed[2:4], self._columns, i1, j2, state, peak, excess)
+        fill_yield(*self._packed[2:4], self._columns[stress.shape[1]], i1, j2, state, peak, excess)
         return peak, excess
 
-    def _surface_of(self, state_row):
-        time_column, factor_column, _ = self._columns
-        if time_column < 0 and factor_column < 0:
-            return self._surface
-        factor = state_row[factor_column] if factor_column >= 0 else 1.0
-        growth = state_row[time_column] if time_column >= 0 else -1.0
-        return weakened_surface(self._strength, factor, growth)
+    def _surface_of(self, state_row, components):
+        surface, _, _ = surface_of(self._surface, self._strength, self._columns[components], state_row[None], 0)
+        return surface
 
     def _static_stress(self, stress, state):
-        column = self._columns[2]
+        column = self._columns[stress.shape[1]][STATIC]
         return state[:, column : column + stress.shape[1]] if column >= 0 else stress
 
     @staticmethod

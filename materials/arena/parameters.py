@@ -1,11 +1,17 @@
 """Parameters of Arena: the manual's names and defaults (Mason sand), bounds, and the rules between them."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from periporo.errors import choice
 from periporo.materials.base import MaterialParameters
+
+STRENGTHS = ("PEAKI1", "FSLOPE", "STREN", "YSLOPE")
+"""The parameters that damage and variability change, in the order in which functions take them."""
+
+_OfEach = float | dict[str, float]
 
 
 def _field(default, description, unit="1", **bounds):
@@ -19,6 +25,12 @@ class ArenaParameters(MaterialParameters):
 
     initial_porosity: float = _field(0.40, "porosity at the start", gt=0, lt=1)
     initial_saturation: float = _field(0.5, "water's share of the pores at the start", ge=0, le=1)
+    dry_density: float | None = _field(
+        None, "density of the dry soil, from which porosity, saturation and density follow", "kg/m^3", gt=0
+    )
+    water_content: float = _field(0.0, "mass of the water over that of the dry soil, with dry_density", ge=0)
+    grain_density: float = _field(2650.0, "density of the grains, with dry_density", "kg/m^3", gt=0)
+    water_density: float = _field(1000.0, "density of the water, with dry_density", "kg/m^3", gt=0)
     initial_fluid_pressure: float = _field(0.0, "gauge pore pressure at the start", "Pa", ge=0)
     overconsolidation_ratio: float = _field(1.0, "hydrostatic strength over that of an initial stress", ge=1)
     pore_pressure: Literal["plastic", "total"] = _field(
@@ -77,9 +89,10 @@ class ArenaParameters(MaterialParameters):
     failed_YSLOPE: float | None = _field(None, "YSLOPE of the failed soil; 1e-5", ge=0)
 
     do_variability: bool = _field(False, "Weibull-distributed strength with a size effect")
-    weibull_modulus: float = _field(4.0, "Weibull modulus of the strength", gt=0)
-    weibull_reference_volume: float = _field(1e-3, "volume at which the strengths were measured", "m^3", gt=0)
-    weibull_seed: int = _field(1, "seed of the draws; 0 keeps the size effect alone", ge=0)
+    weibull_modulus: _OfEach = _field(4.0, "Weibull modulus of the strengths, or of each by its name")
+    weibull_exponent: _OfEach | None = _field(None, "exponent 1/m of the size effect; the modulus")
+    weibull_reference_volume: _OfEach = _field(1e-3, "volume at which the strengths were measured", "m^3")
+    weibull_seed: int | dict[str, int] = _field(1, "seed of the draws; 0 keeps the size effect alone")
 
     shear_modulus_in_tension: Literal["poisson", "constant"] = _field(
         "poisson", "in tension G follows from Poisson's ratio, or is G0"
@@ -97,6 +110,46 @@ class ArenaParameters(MaterialParameters):
 
     tolerance: float = _field(1e-3, "first-order error of a substep, relative to the stress", gt=0, le=1)
     substeps: int = _field(0, "fixed number of substeps per update; 0 follows the tolerance", ge=0)
+    report_plastic_strain: bool = _field(False, "keep the plastic strain and its length in the state")
+    report_dissipation: bool = _field(False, "keep the plastic work of the last step in the state")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_sample(cls, values: Any) -> Any:
+        """Porosity, saturation and density of a sample of known dry density and water content (eqs 253, 258, 260)."""
+        if not isinstance(values, dict) or values.get("dry_density") is None:
+            return values
+        names = ("dry_density", "water_content", "grain_density", "water_density")
+        given = {name: values.get(name, cls.model_fields[name].default) for name in names}
+        if not all(isinstance(v, int | float) and v >= 0 for v in given.values()):
+            return values  # whose bounds say what is wrong
+        dry, content, grain, water = given.values()
+        if not 0 < dry < grain or water == 0:
+            raise ValueError(f"dry_density = {dry:g} must be positive and less than grain_density = {grain:g} kg/m^3")
+        porosity = 1.0 - dry / grain
+        saturation = content * dry / (porosity * water)
+        if saturation > 1.0:
+            raise ValueError(
+                f"water_content = {content:g} is more than the pores hold: at dry_density = {dry:g} kg/m^3 "
+                f"({porosity:.4g} of pores) at most {porosity * water / dry:.4g}"
+            )
+        found = {"initial_porosity": porosity, "initial_saturation": saturation, "density": dry * (1.0 + content)}
+        for name, value in found.items():
+            other = values.get(name, value)
+            if not (isinstance(other, int | float) and abs(other - value) <= 1e-6 * max(value, 1e-3)):
+                raise ValueError(f"{name} = {other} contradicts {value:.6g}, which follows from dry_density; give one")
+        return values | found
+
+    @field_validator("weibull_modulus", "weibull_exponent", "weibull_reference_volume", "weibull_seed")
+    @classmethod
+    def _is_of_strengths(cls, value: Any, info: ValidationInfo) -> Any:
+        named = value if isinstance(value, dict) else {"": value}
+        for name, number in named.items():
+            if name and name not in STRENGTHS:
+                raise ValueError(f"'{name}' is no strength; {choice(name, STRENGTHS)}")
+            if number is not None and not (number > 0 or (number == 0 and info.field_name == "weibull_seed")):
+                raise ValueError(f"{name} must be positive, not {number}".lstrip())
+        return value
 
     @property
     def p3(self) -> float:
@@ -114,6 +167,25 @@ class ArenaParameters(MaterialParameters):
         """p1 at the initial density, Pa (eq. 290)."""
         factor = self.density_factor
         return self.p1 * float(np.exp(self.p1_density_scale_fac * factor * (factor - 1)))
+
+    def scatter(self, name: str) -> tuple[float, float, float, int]:
+        """Weibull modulus, exponent of the size effect, reference volume (m^3) and seed of the strength `name`."""
+
+        def of(value, default):
+            return value.get(name, default) if isinstance(value, dict) else value
+
+        def usual(key):
+            return type(self).model_fields[key].default
+
+        modulus = of(self.weibull_modulus, usual("weibull_modulus"))
+        exponent = modulus if self.weibull_exponent is None else of(self.weibull_exponent, modulus)
+        volume = of(self.weibull_reference_volume, usual("weibull_reference_volume"))
+        return modulus, exponent, volume, of(self.weibull_seed, usual("weibull_seed"))
+
+    @property
+    def scatter_is_common(self) -> bool:
+        """Whether one factor serves all strengths."""
+        return len({self.scatter(name) for name in STRENGTHS}) == 1
 
     def intact_strength(self) -> tuple[float, float, float, float]:
         """PEAKI1, FSLOPE, STREN, YSLOPE of the intact soil."""

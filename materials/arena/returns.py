@@ -18,6 +18,7 @@ SURFACE, NOSE, VERTEX = 0, 1, 2
 _NOSE_SHEAR = 1e-5  # trial q below this share of the surface's length goes to the nose directly
 _COMPACTION_LIMIT = 0.999  # share of the remaining compaction p3 - evp that one step may take
 _BISECT_AFTER = 25
+_AT_VERTEX = 1e-6  # of the surface's length
 _MAX_ITERATIONS = 120
 
 
@@ -163,6 +164,22 @@ def backward_euler(c, y, bulk, shear, coupling, state, tr, e1, e2, guess, tolera
     )
     ratio = f / q if q > 0.0 else 0.0
     return effective - 3.0 * p, ratio * u, ratio * w, evp + x, p, strength, _after(content, coupling, x)
+
+
+@inlined
+def let_go(c, y, start, end):
+    """`end` of a plastic substep, and the strain by which the row opened in it.
+
+    At the vertex, and free of fluid pressure, soil has come apart: expansion is a gap, not plastic strain. The pores
+    stay those of the `start`, or at which the fluid became free.
+    """
+    vertex = y.peak - _AT_VERTEX * (y.peak - end[5])
+    if end[3] >= start[3] or end[4] > 0.0 or end[0] < vertex:
+        return end, 0.0
+    free = -math.log1p(c.open_volume * end[6] - c.phi0)
+    evp = max(end[3], min(start[3], free))
+    p, _, strength, _ = harden(c, evp, end[6], 0.0, 0.0)
+    return (end[0] - 3.0 * p, end[1], end[2], evp, p, strength, end[6]), evp - end[3]
 
 
 @inlined

@@ -25,10 +25,11 @@ class StressNotReached(PointStopped):
 class MaterialPoint:
     """Stress (1, 6) Pa, state (1, k) and accumulated strain (6,) of one point."""
 
-    def __init__(self, material: Material, stress: np.ndarray):
+    def __init__(self, material: Material, stress: np.ndarray, volume: float = 1.0, number: int = 0):
+        """`volume` (m^3) and `number` are what the law is told of the specimen's size and of the point's id."""
         self.material = material
         self.stress = np.array(stress, dtype=float).reshape(1, 6)
-        self.state = material.initial_state(self.stress, np.zeros((1, 2), dtype=np.int64), np.ones(1))
+        self.state = material.initial_state(self.stress, np.full((1, 2), number, np.int64), np.full(1, float(volume)))
         self.strain = np.zeros(6)
 
     def strain_by(self, increment: np.ndarray, dt: float, halvings: int = _MOST_HALVINGS) -> None:

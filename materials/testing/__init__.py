@@ -65,6 +65,7 @@ def check_material(material: Material, dimension: int = 3, seed: int = 0, pressu
     contract.check_declaration(material)
     rows = Rows(material, component_count(dimension), np.random.default_rng(seed), pressure)
     contract.check_start(rows)
+    contract.check_derived(rows)
     check_limit(rows)
     contract.check_calls(rows)
     contract.check_rows_without_state(rows)

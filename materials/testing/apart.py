@@ -45,6 +45,7 @@ def check_opening(rows: Rows) -> None:
             f"{borne[row]:.3g} Pa before that has closed: soil that has come apart bears nothing until it has closed; "
             f"{missing if column is None else wrong}"
         )
+    _check_shear(rows, closing, its_state, apart, size)
     closed, its_state = _expanded(rows, closing, its_state, -0.5)
     kept = (mean(rows.stress) - mean(closed))[apart]
     row = np.argmax(kept / size[apart])
@@ -56,6 +57,22 @@ def check_opening(rows: Rows) -> None:
     if column is not None:
         _check_column(rows, pulled_state[apart, column], its_state[apart, column])
         _check_hands_off(rows, pulled, pulled_state, column)
+
+
+def _check_shear(rows: Rows, stress, state, apart, size) -> None:
+    """Open rows bear no pressure after they have been sheared: what dilates fills the gap."""
+    shear = np.zeros_like(stress)
+    shear[:, 3] = 0.1 * _EXPANSION
+    sheared, its_state = rows.after(stress, shear, state, np.inf)
+    for _ in range(2):  # it may take a step until the gap is filled
+        sheared, its_state = rows.after(sheared, np.zeros_like(stress), its_state, np.inf)
+    borne = (mean(stress) - mean(sheared))[apart]
+    row = np.argmax(borne / size[apart])
+    if not borne[row] <= _NOTHING * size[apart][row]:
+        raise OpeningError(
+            f"{rows.law}: row {apart[row]}, open and sheared, bears {borne[row]:.3g} Pa; what dilates in shear "
+            "fills the gap before it presses: expand the row by what is left of `opened`"
+        )
 
 
 def _expanded(rows: Rows, stress, state, share):
@@ -73,7 +90,7 @@ def _check_column(rows: Rows, opened, left) -> None:
         return
     raise OpeningError(
         f"{rows.law}: expanded by {_EXPANSION:g}, rows have opened by {opened.min():.3g} to {opened.max():.3g}, and by "
-        f"{np.abs(left).max():.3g} when they are closed again; let `tension_limit` tell the largest mean stress, or add "
+        f"{np.abs(left).max():.3g} when closed again; let `tension_limit` tell the largest mean stress, or add "
         "to the column `opened` what expands beyond it"
     )
 

@@ -15,9 +15,9 @@ LAWS = sorted(name for name in registry.available() if hasattr(registry.load(nam
 VARIANTS = {
     "dry Arena": Arena(initial_saturation=0.0, T1=0.0, T2=0.0),
     "saturated Arena": Arena(initial_saturation=1.0, p0=1e6),
-    "Arena with all parts": Arena(  # damage that begins at a branch of the surface jumps there, in the last digits, too
-        do_damage=True, damage_grows_on="surface", do_variability=True, use_disaggregation_algorithm=True,
-        weibull_reference_volume=1e-6,
+    "Arena with all parts": Arena(
+        do_damage=True, do_variability=True, use_disaggregation_algorithm=True, weibull_reference_volume=1e-6,
+        weibull_modulus={"STREN": 5.0}, report_plastic_strain=True, report_dissipation=True,
     ),
     "unsaturated": CamClay.example().for_unsaturated(),
     "rate-independent": CamClay.example().model_copy(update={"viscosity": 0.0, "report_dissipation": True}),
@@ -351,6 +351,31 @@ class OpensByHalf(OpensItself):
         state[:, 1] += 0.5 * strain
 
 
+class Derives(Sound):
+    """Tells half of its path length, too."""
+
+    derived_fields = (StateField("half", "1"),)
+    default_output = ("half", "path_length")
+
+    def derived_state(self, stress, state):
+        return {"half": 0.5 * state[:, 0]}
+
+
+class DerivesOther(Derives):
+    def derived_state(self, stress, state):
+        return {"third": state[:, 0] / 3}
+
+
+class DerivesInPlace(Derives):
+    def derived_state(self, stress, state):
+        state += 1.0
+        return {"half": state[:, 0]}
+
+
+class ShowsUnknown(Derives):
+    default_output = ("quarter",)
+
+
 class Loses(Sound):
     """Friction: a share of the stiffness times the strain's length is lost."""
 
@@ -418,6 +443,9 @@ class LosesWherePressed(Loses):
         (MixesRows, testing.SplitError, "alone"),
         (RandomStart, testing.SplitError, "seed random numbers by ids"),
         (NaNInTension, testing.NonFiniteError, "random walk"),
+        (DerivesOther, testing.ShapeError, "`derived_fields` lists {'half': "),
+        (DerivesInPlace, testing.ShapeError, "only looks at them"),
+        (ShowsUnknown, testing.DeclarationError, "neither state nor derived"),
         (KeepsItsGaps, testing.OpeningError, "list periporo.materials.OPENED"),
         (LimitAlone, testing.OpeningError, "does not list OPENED"),
         (LimitOfAll, testing.ShapeError, "a number for each row"),
@@ -448,8 +476,9 @@ def test_a_cycle_is_measured_by_the_moduli_of_its_rows():
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-@pytest.mark.parametrize("law", [Loose, OpensItself])
-def test_a_law_with_an_apex_opens_by_its_limit_or_by_itself(law, dimension):
+@pytest.mark.parametrize("law", [Loose, OpensItself, Derives])
+def test_sound_variants_conform(law, dimension):
+    """An apex that the program or the law opens; derived state."""
     assert check_material(law(), dimension).stiffness == pytest.approx(1.0, rel=1e-6)
 
 
