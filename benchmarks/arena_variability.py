@@ -11,7 +11,7 @@ from periporo.materials.arena.variability import strength_factors
 
 from . import option_parser
 
-MODULUS, REFERENCE_VOLUME, VOLUME, SEED = 4.0, 1e-3, 1e-6, 1
+MODULUS, MODULUS, REFERENCE_VOLUME, VOLUME, SEED = 4.0, 1e-3, 1e-6, 1
 SIDE, REACH = 120, 2  # points per side of a square grid, and how many points a bond spans at most
 
 
@@ -46,7 +46,7 @@ def main(words=None):
     size = (REFERENCE_VOLUME / VOLUME) ** (1 / MODULUS)
 
     def factors(ids):
-        return strength_factors(ids, np.full(len(ids), VOLUME), MODULUS, REFERENCE_VOLUME, SEED) / size
+        return strength_factors(ids, np.full(len(ids), VOLUME), MODULUS, MODULUS, REFERENCE_VOLUME, SEED) / size
 
     samples = {"points": factors(points), "bonds": factors(bonds)}
     samples["bonds averaged at points"] = averages(bonds, samples["bonds"])

@@ -155,7 +155,8 @@ class Simulation:
 
     def _departing(self, departures: Departures) -> np.ndarray:
         """Which owned points (owned,) leave now; their energy is booked."""
-        leaving = departures.outside(self.particles)
+        leaving = departures.leaving(self.particles)
+        departures.condemned = departures.condemned[:0]
         count = self.comm.allreduce(int(leaving.sum()))
         if count:
             departures.count += count
@@ -191,8 +192,10 @@ class Simulation:
 
         Or whether one has left the scene, or a law refused the last step: then there is no telling where points are.
         """
-        if self.departures is not None and self.step_number % LOOK_INTERVAL == 0:
-            self._moved = max(self._moved, np.inf if self.departures.outside(self.particles).any() else 0.0)
+        if self.departures is not None:
+            looks = self.step_number % LOOK_INTERVAL == 0
+            if len(self.departures.condemned) or (looks and self.departures.outside(self.particles).any()):
+                self._moved = np.inf
         return not maximum(self.comm, np.inf if self._refusals else self._moved) <= 0.5 * self.skin
 
     def confirm(self) -> None:
@@ -215,7 +218,10 @@ class Simulation:
         for block in b.blocks:
             block.advance(material_dt)
         self._refusals = b.refusals()
-        self._failed += b.failures(p.owned)
+        count, failed = b.failures(p.owned)
+        self._failed += count
+        if self.departures is not None:
+            self.departures.condemn(p.id[failed])
         timing.lap("material")
         self.scheme.regularise(p, b, self.halo)
         timing.lap("regularity")
@@ -317,7 +323,10 @@ class Simulation:
     def memory(self) -> dict[str, Any]:
         """What a checkpoint keeps of clocks and counters; the same on all ranks; collective."""
         clocks = {name: getattr(self, name) for name in _REMEMBERED}
-        clocks |= {} if self.departures is None else {"departures": self.departures.memory()}
+        if self.departures is not None:
+            left = self.departures.memory()
+            left["condemned"] = sorted(sum(self.comm.allgather(left["condemned"]), []))
+            clocks["departures"] = left
         return clocks | {"initial_kinetic": self.ledger.initial_kinetic, "failed_updates": self.failed_updates()}
 
     def recall(self, memory: dict[str, Any]) -> None:

@@ -12,15 +12,16 @@ from typing import ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from periporo.core.numerics.jit import kernel
+from periporo.core.numerics.jit import inlined, kernel
 from periporo.core.numerics.tensors import dimension_of
 from periporo.core.points.material import OPENED, StateField
 from periporo.materials.base import MaterialParameters, units
 from periporo.materials.friction import FrictionAngles, angles_of_cone, shown
 
-_PRESSURE, _DENSITY, _DEGREES = units("Pa", "kg/m^3", "deg")
+_PRESSURE, _DENSITY, _DEGREES, _NUMBER = units("Pa", "kg/m^3", "deg", "1")
 
 DISSIPATION = StateField("dissipation", "J/m^3")
+PLASTIC_DILATION = StateField("plastic_dilation", "1")
 _SAME_ANGLE = 1.0  # degrees
 
 
@@ -28,7 +29,8 @@ class DruckerPrager(MaterialParameters):
     """Drucker-Prager cone fitted to Mohr-Coulomb; friction 0 is von Mises with undrained strength c.
 
     The mean stress is cut off at the apex of the cone, or at `tension_cutoff` if that is lower, so that a
-    cone without dilation is returned from tension as well.
+    cone without dilation is returned from tension as well. With `largest_dilation` the dilation fades with the plastic
+    volumetric strain, d eps_v = eta_bar (1 - eps_v/largest_dilation) d gamma: soil comes to its critical state.
     """
 
     density: float = Field(gt=0, description="dry bulk density", json_schema_extra=_DENSITY)
@@ -40,6 +42,9 @@ class DruckerPrager(MaterialParameters):
     )
     dilation_angle: float = Field(
         0.0, ge=0, lt=90, description="angle of dilation psi", json_schema_extra=_DEGREES
+    )
+    largest_dilation: float | None = Field(
+        None, gt=0, le=1, description="plastic volumetric strain at which dilation has faded", json_schema_extra=_NUMBER
     )
     match: Literal["plane_strain", "compression", "extension", "inscribed"] | None = Field(
         None, description="where the cone meets Mohr-Coulomb; by default in plane strain (2D) or compression (3D)"
@@ -76,8 +81,13 @@ class DruckerPrager(MaterialParameters):
 
     @property
     def state_fields(self) -> tuple[StateField, ...]:
-        """`dissipation` if it is reported, and `opened`."""
-        return (*((DISSIPATION,) if self.report_dissipation else ()), OPENED)
+        """`dissipation` if it is reported, `plastic_dilation` if that has an end, and `opened`."""
+        reported = (DISSIPATION,) if self.report_dissipation else ()
+        return (*reported, *((PLASTIC_DILATION,) if self._fades else ()), OPENED)
+
+    @property
+    def _fades(self) -> bool:
+        return self.largest_dilation is not None and self.dilation_angle > 0
 
     def cone(self, dimension: int) -> tuple[float, float, float]:
         """eta, xi c in Pa and eta_bar of the yield function and the flow potential in a space of `dimension`."""
@@ -111,15 +121,21 @@ class DruckerPrager(MaterialParameters):
         dimension = dimension_of(stress)
         angles = self.friction_angles(dimension)
         acting, where = (angles.plane_strain, "plane strain") if dimension == 2 else (angles.compression, "compression")
-        if acting is not None and abs(acting - self.friction_angle) <= _SAME_ANGLE:
-            return {}
-        return {
-            "friction": f"friction_angle {self.friction_angle:g} acts as {shown(acting)} in {where} because of match: "
-            f"{self.match}; leave match out, or choose the angle for it"
-        }
+        doubts = {}
+        if acting is None or abs(acting - self.friction_angle) > _SAME_ANGLE:
+            doubts["friction"] = (
+                f"friction_angle {self.friction_angle:g} acts as {shown(acting)} in {where} because of match: "
+                f"{self.match}; leave match out, or choose the angle for it"
+            )
+        if self.dilation_angle > 0 and self.largest_dilation is None:
+            doubts["dilation"] = (
+                f"dilation_angle {self.dilation_angle:g} has no end: soil that flows grows without bound; give "
+                "largest_dilation, the plastic volumetric strain after which it keeps its volume (0.05 to 0.2 in sand)"
+            )
+        return doubts
 
     def initial_state(self, stress, ids, volume):
-        """Closed, and nothing dissipated: zeros."""
+        """Closed, nothing dissipated, not dilated: zeros."""
         return np.zeros((len(stress), len(self.state_fields)))
 
     def compute_stress(self, stress, strain_increment, state, dt):
@@ -128,9 +144,10 @@ class DruckerPrager(MaterialParameters):
         eta, strength, dilation = self.cone(dimension)
         limit = self.largest_mean_stress(dimension)
         edge = max(strength - eta * limit, 0.0) if math.isfinite(limit) else strength
+        column = int(self.report_dissipation) if self._fades else -1
         _advance(
-            self.bulk_modulus, self.shear_modulus, eta, strength, dilation, limit, edge, stress,
-            strain_increment, state, self.report_dissipation,
+            self.bulk_modulus, self.shear_modulus, eta, strength, dilation, self.largest_dilation or 0.0, limit, edge,
+            stress, strain_increment, state, self.report_dissipation, column,
         )  # fmt: skip
 
     def tension_limit(self, stress, state):
@@ -178,9 +195,33 @@ def _plane_strain_cone(phi: float, dilation: float) -> tuple[float, float]:
     return math.sin(phi) / divisor, math.cos(phi) / divisor
 
 
+@inlined
+def _fading_flow(excess, shear, stiffness, dilation, end, dilated):
+    """Plastic shear and volumetric strain of soil that has `dilated` and dilates up to `end`; `stiffness` is K eta.
+
+    Along the return the volume follows d v = eta_bar (1 - v/end) d gamma, exactly. What is left to find is the root of
+    a convex, falling function of the shear: Newton's method from 0 comes to it from one side.
+    """
+    left = max(end - dilated, 0.0)
+    flow = growth = 0.0
+    for _ in range(50):
+        growth = -left * math.expm1(-dilation * flow / end)
+        rate = dilation * (left - growth) / end
+        step = (excess - shear * flow - stiffness * growth) / (shear + stiffness * rate)
+        flow += step
+        if abs(step) <= 1e-8 * flow:
+            return flow, growth + rate * step
+    return flow, growth
+
+
 @kernel
-def _advance(bulk, shear, eta, strength, dilation, limit, edge, stress, strain_increment, state, reports):
-    """Hooke's law and return; `limit` is the largest mean stress, `edge` sqrt(J2) of the cone there."""
+def _advance(
+    bulk, shear, eta, strength, dilation, end, limit, edge, stress, strain_increment, state, reports, column
+):  # fmt: skip
+    """Hooke's law and return; `limit` is the largest mean stress, `edge` sqrt(J2) of the cone there.
+
+    Dilation fades up to the plastic volumetric strain `end` in the state column `column`, never if that is -1.
+    """
     components = stress.shape[1]
     for b in range(stress.shape[0]):
         volumetric = strain_increment[b, 0] + strain_increment[b, 1] + strain_increment[b, 2]
@@ -202,9 +243,14 @@ def _advance(bulk, shear, eta, strength, dilation, limit, edge, stress, strain_i
             continue
 
         flow = max(excess, 0.0) / (shear + bulk * eta * dilation)
-        p, new_root = p_trial - bulk * dilation * flow, root - shear * flow
+        growth = dilation * flow
+        if column >= 0 and excess > 0.0:
+            flow, growth = _fading_flow(excess, shear, bulk * eta, dilation, end, state[b, column])
+        p, new_root = p_trial - bulk * growth, root - shear * flow
         if p > limit:
             p, new_root = limit, min(root, edge)
+        elif column >= 0:
+            state[b, column] += growth
         scale = new_root / root if root > 0.0 else 0.0
         for k in range(3):
             stress[b, k] = p + scale * (stress[b, k] - p_trial)

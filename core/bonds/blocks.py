@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from periporo.core.bonds.opening import Opening, mean_stress
 from periporo.core.numerics.jit import kernel
 from periporo.core.points.material import Material, StepRefused, UpdatesFailed, state_columns
 from periporo.core.points.neighbours import Pairs
+from periporo.core.points.opening import Opening
 from periporo.core.points.particles import Particles
 from periporo.core.ranks.halo import pack
 
@@ -70,7 +70,7 @@ class Block(Rows):
         self.strain_increment = np.empty((0, components))
         self.refused: tuple[np.ndarray, str] | None = None  # rows that refuse the step, and the reason
         self.failed: list[np.ndarray] = []  # rows whose update failed in the step
-        self.opening = Opening(material, components) if hasattr(material, "tension_limit") else None
+        self.opening = Opening.of(material, components)
         # of the strains in a step since `forget_peak`: square of the largest, and its row; its ids after a rebuild
         self.peak, self.peak_ids = np.array([0.0, -1.0]), np.full(2, -1)
 
@@ -91,15 +91,13 @@ class Block(Rows):
     def advance(self, dt: float) -> None:
         """Let the law take a step of `dt` s in all rows; those that it refuses, or that fail, are remembered.
 
-        Rows that have come apart close first, without stress (`periporo.core.bonds.opening`).
+        Rows that have come apart close first, without stress (`periporo.core.points.opening`).
         """
+        rows = self.stress, self.strain_increment, self.state
         if self.opening is None:
-            self.take(self.stress, self.strain_increment, self.state, dt)
-            return
-        self.opening.close(self.active, self.strain_increment, self.state)
-        before, bulk = mean_stress(self.stress), self.elastic_moduli()[0]
-        self.take(self.stress, self.strain_increment, self.state, dt)
-        self.opening.open(self.active, before, bulk, self.stress, self.strain_increment, self.state)
+            self.take(*rows, dt)
+        else:
+            self.opening.advance(self.active, *rows, lambda: self.elastic_moduli()[0], lambda: self.take(*rows, dt))
 
     def take(self, stress, strain_increment, state, dt: float, rows=None) -> None:
         """Let the law take a step in arrays that stand for the `rows` of this block, or for all of them."""

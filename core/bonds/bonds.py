@@ -130,15 +130,21 @@ class Bonds:
                 found.append(Refusal(type(block.material).__name__, reason, np.unique(ids[place[rows]])))
         return found
 
-    def failures(self, owned: int) -> int:
-        """Active rows whose update failed since this was last asked, each counted where its first end is `owned`."""
-        count = 0
+    def failures(self, owned: int) -> tuple[int, np.ndarray]:
+        """Active rows whose update failed since this was last asked, and the owned points that hold them.
+
+        Each row is counted where its first end is among the `owned`.
+        """
+        count, points = 0, [np.empty(0, np.int64)]
         for block in self.blocks:
             while block.failed:
                 rows = block.failed.pop()
-                index, first, _, _ = self.layout.holders(block, self.pairs)
-                count += int(np.count_nonzero(block.active[rows] & (first[index[rows]] < owned)))
-        return count
+                rows = rows[block.active[rows]]
+                index, first, second, _ = self.layout.holders(block, self.pairs)
+                ends = first[index[rows]].astype(np.int64), second[index[rows]].astype(np.int64)
+                count += int(np.count_nonzero(ends[0] < owned))
+                points += [end[end < owned] for end in ends]
+        return count, np.unique(np.concatenate(points))
 
     def average(self, particles: Particles, points: np.ndarray) -> None:
         """Average stress and state of the active rows of each owned point in `points` (rows), per block.

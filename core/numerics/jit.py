@@ -240,7 +240,8 @@ def kernel(function):
     except (OSError, RuntimeError):  # the folder cannot be written any more: numba finds "no locator"
         _remark(f"compiled kernels cannot be kept in {CACHE_ROOT}; every run compiles them")
         return numba.njit(fastmath=FASTMATH, error_model="numpy")(function)
-    _forgive_full_disks(compiled)
+    if not numba_config.DISABLE_JIT:  # which leaves functions as they are, for a debugger
+        _forgive_full_disks(compiled)
     return compiled
 
 

@@ -1,4 +1,4 @@
-"""Points that leave a box around the scene are taken away, and what they took with them is booked."""
+"""Points that leave a box around the scene, or whose law failed, are taken away; what they took along is booked."""
 
 import numpy as np
 
@@ -18,13 +18,24 @@ UNITS = {"departed_points": "1", "departed_energy": "J"}
 class Departures:
     """The box from `lower` to `upper` (d,) m, in which points stay; infinite where it is open.
 
-    `count` points have left it; `sums` (1 + len(WORK),) J are the kinetic energy that they had, and the work that was
-    done on them.
+    If `failed` are to go, `condemned` are the ids of this rank's points that leave at the next rebuild. `count` points
+    have left; `sums` (1 + len(WORK),) J are the kinetic energy that they had, and the work that was done on them.
     """
 
-    def __init__(self, lower: np.ndarray, upper: np.ndarray):
-        self.lower, self.upper = lower, upper
+    def __init__(self, lower: np.ndarray, upper: np.ndarray, failed: bool = False):
+        self.lower, self.upper, self.failed = lower, upper, failed
         self.count, self.sums = 0, np.zeros(1 + len(WORK))
+        self.condemned = np.empty(0, np.int64)
+
+    def condemn(self, ids: np.ndarray) -> None:
+        """Let the points with these ids leave, for their law has failed."""
+        if self.failed and len(ids):
+            self.condemned = np.union1d(self.condemned, ids)
+
+    def leaving(self, p: Particles) -> np.ndarray:
+        """Which owned points leave now, (owned,) bool."""
+        gone = self.outside(p)
+        return gone | np.isin(p.id[: p.owned], self.condemned) if len(self.condemned) else gone
 
     def outside(self, p: Particles) -> np.ndarray:
         """Which owned points have left the box, (owned,) bool; one that is nowhere (NaN) has not."""
@@ -38,8 +49,9 @@ class Departures:
 
     def memory(self) -> dict:
         """What a checkpoint keeps."""
-        return {"count": self.count, "sums": self.sums.tolist()}
+        return {"count": self.count, "sums": self.sums.tolist(), "condemned": self.condemned.tolist()}
 
     def recall(self, memory: dict) -> None:
         """Go on from there."""
         self.count, self.sums = memory["count"], np.array(memory["sums"])
+        self.condemned = np.array(memory["condemned"], np.int64)

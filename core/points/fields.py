@@ -5,9 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from periporo.core.numerics.jit import kernel
+from periporo.core.points.material import derived_fields, state_column
 from periporo.core.points.particles import Field
 
 DEFAULT = ("displacement", "velocity", "stress", "equivalent_shear_strain", "volumetric_strain", "material", "body")
+"""What is written without being asked for, with what laws name in `default_output`."""
 
 _PLAIN = {  # name -> unit and how to get it from the particles, owned rows
     "displacement": ("m", lambda p, n: p.position[:n] - p.initial_position[:n]),
@@ -75,9 +77,15 @@ def available(sim) -> dict[str, OutputField]:
     for name in sim.forces.names:
         fields[f"{name}_force"] = OutputField(f"{name}_force", p.dimension, "N")
     for block in sim.bonds.blocks:
-        for state in block.material.state_fields:
+        for state in (*block.material.state_fields, *derived_fields(block.material)):
             fields[state.name] = OutputField(state.name, state.columns(p.components), state.unit)
     return fields
+
+
+def default(sim) -> list[str]:
+    """Names of the fields that are written without being asked for."""
+    of_laws = (getattr(m, "default_output", ()) for m in sim.materials)
+    return list(dict.fromkeys([*DEFAULT, *(name for names in of_laws for name in names)]))
 
 
 def _of_processes(sim) -> list[str]:
@@ -91,7 +99,10 @@ def _derived(sim) -> dict:
 
 
 def values(sim, names) -> dict[str, np.ndarray]:
-    """The named fields on the owned points; a point's stress and state are the averages of its bonds."""
+    """The named fields on the owned points; a point's stress and state are the averages of its bonds.
+
+    What follows from a law's state follows from that of the point.
+    """
     p, n = sim.particles, sim.particles.owned
     result = {}
     stored, plain = _of_processes(sim), _PLAIN | _derived(sim)
@@ -109,20 +120,19 @@ def values(sim, names) -> dict[str, np.ndarray]:
 
 
 def _averaged(sim, name):
-    """Stress, or a state field, from the block of each point's material; zero where a law does not have it."""
+    """Stress, a state field or one derived from it, of each point's law; zero where that does not have it."""
     p, n, c = sim.particles, sim.particles.owned, sim.particles.components
     width = available(sim)[name].columns
     result = np.zeros((n, width))
     for block in sim.bonds.blocks:
-        own = p.material[:n] == block.index
-        average = getattr(p, block.average)[:n]
+        law, average = block.material, getattr(p, block.average)[:n]
+        own = np.flatnonzero((p.material[:n] == block.index) & (average[:, 0] > 0.0))
+        column = state_column(law, name, c)
         if name == "stress":
             result[own] = average[own, 1 : 1 + c]
-            continue
-        start = 1 + c
-        for state in block.material.state_fields:
-            columns = state.columns(c)
-            if state.name == name:
-                result[own] = average[own, start : start + columns]
-            start += columns
+        elif column is not None:
+            result[own] = average[own, 1 + c + column : 1 + c + column + width]
+        elif len(own) and any(field.name == name for field in derived_fields(law)):
+            stress, state = average[own, 1 : 1 + c].copy(), average[own, 1 + c :].copy()
+            result[own] = law.derived_state(stress, state)[name].reshape(len(own), width)
     return result if width > 1 else result[:, 0]

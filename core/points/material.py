@@ -35,8 +35,10 @@ BONDING = StateField("bonding", "1")
 """State column of a law whose grains water bonds: the bonding variable xi, which the pore water writes."""
 
 OPENED = StateField("opened", "1")
-"""State column of a law with `tension_limit`: the volumetric strain by which a row has come apart, written by the
-program (`periporo.core.bonds.opening`). The law leaves it alone; it starts at 0."""
+"""State column of a law with an apex: the volumetric strain by which a row has come apart (`core.points.opening`).
+
+It starts at 0. The program closes it, and opens it by what the law's `tension_limit` leaves out; then the law leaves it
+alone. A law without that method adds to it what it expands beyond its apex."""
 
 
 class StepRefused(Exception):
@@ -107,6 +109,11 @@ class Material(Protocol):
         They set the time step, the stiffness of contacts and of the links of `point_state`, and the speed of waves
         that the watchdog knows. A law that answers stiffer makes steps unstable.
         """
+
+
+def derived_fields(material: Material) -> tuple[StateField, ...]:
+    """What the law's `derived_state` gives besides the state, if it says so."""
+    return getattr(material, "derived_fields", ())
 
 
 def state_column(material: Material, name: str, components: int) -> int | None:

@@ -92,8 +92,10 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
     repulsion.attach(particles, sim.forces)
     lattices = geometry.build_lattices(scene)
     sim.origin, sim.extent = origin, _extent(scene, lattices)
-    if scene.domain is not None:
-        sim.departures = Departures(*region_corners(scene.domain, scene.dimension))
+    if scene.domain is not None or scene.failed_points == "remove":
+        everywhere = np.full(scene.dimension, -np.inf), np.full(scene.dimension, np.inf)
+        corners = everywhere if scene.domain is None else region_corners(scene.domain, scene.dimension)
+        sim.departures = Departures(*corners, failed=scene.failed_points == "remove")
     _place_points(scene, comm, particles, materials, water, lattices)
     refuse_penetration(scene, contacts, sim)
     fit_jittered(scene, contacts, particles)
@@ -202,7 +204,7 @@ def vertical_axis(scene) -> int:
 def output_names(scene, sim) -> tuple[str, ...]:
     """Names of the fields that the scene writes. Raises InputError if it does not have one."""
     known = fields.available(sim)
-    names = scene.output.fields or fields.DEFAULT
+    names = scene.output.fields or fields.default(sim)
     for name in names:
         if name not in known:
             allowed = ", ".join(sorted(known))

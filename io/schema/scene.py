@@ -221,6 +221,9 @@ class SceneInput(SceneModel):
     boundaries: dict[Name, Boundary] = key("boundary conditions by name, for use in stages", default={})
     contacts: tuple[Contact, ...] = key("what bodies may touch", default=(), max_length=1000)
     domain: Domain | None = key("where points stay; default everywhere", default=None)
+    failed_points: Literal["keep", "remove"] = key(
+        "points whose law fails in a step: they keep their stress, or are taken away", default="keep"
+    )
     pore_water: PoreWater | None = key("water in the pores, default dry", default=None)
     stages: tuple[Stage, ...] = key("what happens, one after the other", min_length=1, max_length=1000)
     time_step: TimeStep = key("choice of the time step", default=TimeStep())

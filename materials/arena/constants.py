@@ -17,6 +17,10 @@ STRESS_FLOOR = 1000.0
 class Elasticity(NamedTuple):
     """Constants of the elastic law; see `ArenaParameters` for their meaning."""
 
+    grain: float  # bulk modulus at the reference pressure, Pa
+    grain_slope: float
+    grain_reference: float
+    inverse_grain: float  # of K_s - n_s p, which is constant
     b0: float
     b1: float
     b2: float
@@ -48,6 +52,12 @@ class Pores(NamedTuple):
     p3: float
     p1_sat: float
     minimum_strength: float
+    air_exponent: float
+    atmosphere: float
+    water: float  # bulk modulus at the reference pressure, Pa
+    water_slope: float
+    water_reference: float
+    elastic_pressure: bool  # whether elastic strain changes the pore pressure, too
 
 
 class Surface(NamedTuple):
@@ -101,28 +111,19 @@ def pack(constants: NamedTuple) -> np.ndarray:
 @inlined
 def unpack_elasticity(a):
     """`Elasticity` from its array."""
+    flags = (a[14] != 0.0, a[15] != 0.0, a[16] != 0.0, a[17] != 0.0)
     return Elasticity(
-        a[0],
-        a[1],
-        a[2],
-        a[3],
-        a[4],
-        a[5],
-        a[6],
-        a[7],
-        a[8],
-        a[9],
-        a[10] != 0.0,
-        a[11] != 0.0,
-        a[12] != 0.0,
-        a[13] != 0.0,
-    )
+        a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13], *flags
+    )  # fmt: skip
 
 
 @inlined
 def unpack_pores(a):
     """`Pores` from its array."""
-    return Pores(a[0], a[1], a[2], a[3] != 0.0, a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11])
+    return Pores(
+        a[0], a[1], a[2], a[3] != 0.0, a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13], a[14], a[15],
+        a[16], a[17] != 0.0,
+    )  # fmt: skip
 
 
 @inlined

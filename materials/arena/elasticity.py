@@ -5,33 +5,29 @@ import math
 from periporo.core.numerics.jit import inlined, kernel
 from periporo.materials.arena.constants import unpack_elasticity, unpack_pores
 from periporo.materials.arena.pores import (
-    AIR_EXPONENT,
-    ATMOSPHERE,
+    air_bulk_modulus,
+    fluid_saturation,
     water_bulk_modulus,
-    water_volume,
 )
 from periporo.materials.arena.power import power
 
-GRAIN_BULK_MODULUS = 40e9  # K_s0, Pa
-GRAIN_SLOPE = 4.0  # n_s = dK_s/dp
-GRAIN_REFERENCE = 101325.0  # Pa
-_INVERSE_GRAIN = 1.0 / (GRAIN_BULK_MODULUS - GRAIN_SLOPE * GRAIN_REFERENCE)
+_LEAST_EFFECTIVE = 0.9  # of K_d, by which Q may exceed B^2 M
 
 
 @inlined
 def drained_bulk(m, p):
     """Unscaled drained K, dK/dp, and grain modulus K_s, Pa, at mean effective pressure `p` > 0 in compression."""
     if p <= 0.0:
-        return m.b0 * GRAIN_BULK_MODULUS, 0.0, GRAIN_BULK_MODULUS
+        return m.b0 * m.grain, 0.0, m.grain
     # eqs 86, 88, 89 with b2 y + b3 = b1 b3 K_s / d and K_s - n_s p = constant inserted
-    grain = GRAIN_BULK_MODULUS + GRAIN_SLOPE * (p - GRAIN_REFERENCE)
+    grain = m.grain + m.grain_slope * (p - m.grain_reference)
     d = m.b1 * grain - m.b2 * p
     y = m.b3 * p / d  # elastic strain to the power b4
     curve = m.curve * power(y, m.exponent) * d
-    d_slope = m.b1 * GRAIN_SLOPE - m.b2
-    bulk = (m.b0 * grain * grain + curve * d) * _INVERSE_GRAIN
-    slope = 2.0 * m.b0 * grain * GRAIN_SLOPE + curve * (m.exponent * d / p + (2.0 - m.exponent) * d_slope)
-    return bulk, slope * _INVERSE_GRAIN, grain
+    d_slope = m.b1 * m.grain_slope - m.b2
+    bulk = (m.b0 * grain * grain + curve * d) * m.inverse_grain
+    slope = 2.0 * m.b0 * grain * m.grain_slope + curve * (m.exponent * d / p + (2.0 - m.exponent) * d_slope)
+    return bulk, slope * m.inverse_grain, grain
 
 
 @inlined
@@ -51,37 +47,52 @@ def drained_shear(m, p, bulk, grain):
 def fluid_stiffens(m, c, i1, p, compressing):
     """Whether the pore fluid adds to the bulk modulus at effective I1 and pore pressure `p`.
 
-    At I1 = 0 itself the side is the one that the strain increment enters.
+    At I1 = 0 itself the side is the one that the strain increment enters. Air alone counts only where elastic strain
+    changes its pressure.
     """
-    if c.saturation == 0.0:
+    if c.saturation == 0.0 and not c.elastic_pressure:
         return False
     return i1 < 0.0 or (m.keep_fluid and p > 0.0) or (i1 == 0.0 and compressing)
 
 
 @inlined
-def pore_fluid(c, p, evp):
+def pore_fluid(c, p, evp, content):
     """Porosity and compressibility 1/K_f (1/Pa, eq. 93) of the air-water mixture; zeros for a dry soil."""
-    if c.saturation == 0.0:
+    if c.saturation == 0.0 and not c.elastic_pressure:
         return 0.0, 0.0
     growth = math.exp(evp)
     porosity = 1.0 - (1.0 - c.phi0) * growth
-    if c.saturation == 1.0:
-        return porosity, 1.0 / water_bulk_modulus(p)
-    water = c.open_saturation
-    if p > 0.0:  # then the pore volume is the fluid's
-        water = c.saturation * water_volume(c, p)[0] * c.phi0 * growth / porosity
-    return porosity, water / water_bulk_modulus(p) + (1.0 - water) / (AIR_EXPONENT * (p + ATMOSPHERE))
+    water = fluid_saturation(c, porosity / (growth * content), p)
+    return porosity, water / water_bulk_modulus(c, p) + (1.0 - water) / air_bulk_modulus(c, p)
 
 
 @inlined
 def scaled_moduli(m, c, fluid, p, bulk, grain, evp, stiffened):
-    """Bulk and shear modulus, Pa, from the unscaled drained `bulk`: density, pore fluid, disaggregation."""
+    """Bulk and shear modulus, Pa, from the unscaled drained `bulk`: density, pore fluid, disaggregation.
+
+    The others are zero unless elastic strain changes the pore pressure. Then it rises by Q = B M times the elastic
+    compression (Biot's modulus M = 1/[phi/K_f + (B - phi)/K_s]), and `bulk` is that of the effective stress,
+    K - Q with Gassmann's K = K_d + B^2 M, so that Skempton's coefficient is Q/K. The third number is the compression's
+    share in the pores: what a unit of it takes from their volume, relative to that. The fourth is Q, Pa. At some GPa
+    the fluid becomes as stiff as the grains, and Q stays below K by a tenth of K_d: effective stress is to rise.
+    """
     shear = drained_shear(m, p, bulk, grain)
     if not m.scale_total:
         bulk *= m.density_factor
-    if stiffened:
-        biot = 1.0 - bulk / grain
-        bulk += biot * biot / (biot / grain + fluid[0] * (fluid[1] - 1.0 / grain))
+    coupling = rise = 0.0
+    if stiffened or c.elastic_pressure:
+        drained = bulk
+        biot = 1.0 - drained / grain
+        modulus = 1.0 / (biot / grain + fluid[0] * (fluid[1] - 1.0 / grain))
+        if stiffened:
+            bulk += biot * biot * modulus
+        if c.elastic_pressure:
+            rise = min(biot * modulus, drained * _LEAST_EFFECTIVE + biot * biot * modulus)
+            coupling = rise * fluid[1]
+            if stiffened:
+                bulk -= rise
+            else:
+                rise = 0.0
     if m.scale_total:
         bulk *= m.density_factor
     shear *= m.density_factor
@@ -89,12 +100,12 @@ def scaled_moduli(m, c, fluid, p, bulk, grain, evp, stiffened):
         loosening = max(math.exp(evp - c.p3), 1e-5)
         bulk *= loosening
         shear *= loosening
-    return bulk, shear
+    return bulk, shear, coupling, rise
 
 
 @inlined
 def moduli(m, c, fluid, i1, p, evp, compressing):
-    """Tangent bulk and shear modulus, Pa, at effective I1, pore pressure `p` and plastic strain `evp`.
+    """The four results of `scaled_moduli` at effective I1, pore pressure `p` and plastic strain `evp`.
 
     `fluid` is the result of `pore_fluid` at the same pressure and strain.
     """
@@ -105,10 +116,11 @@ def moduli(m, c, fluid, i1, p, evp, compressing):
 
 
 @kernel
-def fill_moduli(elasticity, pores, i1, p, evp, bulk, shear):
-    """Fill `bulk` and `shear` (n,) Pa from effective I1, pore pressure and plastic strain (n,)."""
+def fill_moduli(elasticity, pores, i1, p, evp, content, bulk, shear):
+    """Fill `bulk` and `shear` (n,) Pa of the total stress from effective I1, pore pressure, plastic strain, content."""
     m = unpack_elasticity(elasticity)
     c = unpack_pores(pores)
     for b in range(i1.shape[0]):
-        fluid = pore_fluid(c, p[b], evp[b])
-        bulk[b], shear[b] = moduli(m, c, fluid, i1[b], p[b], evp[b], True)
+        fluid = pore_fluid(c, p[b], evp[b], content[b])
+        effective, shear[b], _, rise = moduli(m, c, fluid, i1[b], p[b], evp[b], True)
+        bulk[b] = effective + rise

@@ -7,14 +7,27 @@ from typing import ClassVar, Self
 import numpy as np
 
 from periporo.core.numerics import tensors
-from periporo.core.points.material import StateField, UpdatesFailed
+from periporo.core.points.material import OPENED, StateField, UpdatesFailed, state_column, state_columns
 from periporo.materials.arena import pores as pore_space
 from periporo.materials.arena.constants import STRESS_FLOOR, Control, Elasticity, Pores, Strength, Surface, pack
 from periporo.materials.arena.elasticity import fill_moduli
-from periporo.materials.arena.kernel import EVP, FAILURES, PRESSURE, STRENGTH, fill_initial, fill_yield, update_rows
-from periporo.materials.arena.parameters import ArenaParameters
+from periporo.materials.arena.kernel import update_rows
+from periporo.materials.arena.parameters import STRENGTHS, ArenaParameters
 from periporo.materials.arena.pores import fill_pores
-from periporo.materials.arena.surface import coefficients, squared_limit, weakened_surface
+from periporo.materials.arena.state import (
+    CONTENT,
+    EVP,
+    FACTOR,
+    FACTORS,
+    PRESSURE,
+    STATIC,
+    STRENGTH,
+    TIME,
+    fill_initial,
+    fill_yield,
+    surface_of,
+)
+from periporo.materials.arena.surface import coefficients, squared_limit
 from periporo.materials.arena.variability import strength_factors
 from periporo.materials.friction import FrictionAngles, angles_of_cone
 
@@ -23,9 +36,9 @@ class Arena(ArenaParameters):
     """Arena soil model (Arena manual, Banerjee & Brannon 2017) with the corrections of docs/explanation/arena.md.
 
     Stress is total stress, tension positive; the model owns its pore pressure. State columns: volumetric
-    plastic strain (compaction positive), pore pressure, compressive strength X (I1 of total stress,
-    negative), number of failed updates, and where switched on the damage time, the strength factor and the
-    quasi-static stress.
+    plastic strain (compaction positive), pore pressure, compressive strength X (I1 of total stress, negative), fluid
+    content, opened strain, and where switched on the damage time, strength factors, the quasi-static stress, the
+    plastic strain and its length, the dissipation.
     """
 
     owns_pore_pressure: ClassVar[bool] = True
@@ -47,26 +60,45 @@ class Arena(ArenaParameters):
             StateField("volumetric_plastic_strain", "1"),
             StateField("pore_pressure", "Pa"),
             StateField("compressive_strength", "Pa", merge="log_mean"),
-            StateField("failed_updates", "1"),
+            StateField("fluid_content", "1", merge="log_mean"),
+            OPENED,
         ]
         if self.do_damage:
             fields.append(StateField("damage_time", "s"))
         if self.do_variability:
-            fields.append(StateField("strength_factor", "1", merge="log_mean"))
+            fields += [StateField(name, "1", merge="log_mean") for name in self._factor_names]
         if self.rate_dependent:
             fields.append(StateField("quasistatic_stress", "Pa", kind="tensor"))
+        if self.report_plastic_strain:
+            fields += [StateField("plastic_strain", "1", kind="tensor"), StateField("plastic_strain_length", "1")]
+        if self.report_dissipation:
+            fields.append(StateField("dissipation", "J/m^3"))
         return tuple(fields)
 
+    @property
+    def _factor_names(self) -> list[str]:
+        """One strength factor for all, or one for each strength that has a Weibull law of its own."""
+        return ["strength_factor"] if self.scatter_is_common else [f"{name}_factor" for name in STRENGTHS]
+
     @cached_property
-    def _columns(self) -> np.ndarray:
-        """Columns of damage time, strength factor and quasi-static stress; -1 for those without."""
-        names = [f.name for f in self.state_fields]
-        optional = ("damage_time", "strength_factor", "quasistatic_stress")
-        return np.array([names.index(n) if n in names else -1 for n in optional])
+    def _columns(self) -> dict[int, np.ndarray]:
+        """What `periporo.materials.arena.state` calls `columns`, by the number of stored components."""
+        return {components: self._columns_of(components) for components in (4, 6)}
+
+    def _columns_of(self, components: int) -> np.ndarray:
+        names = ("damage_time", self._factor_names[0], "quasistatic_stress", "plastic_strain", "plastic_strain_length")
+        found = [state_column(self, name, components) for name in (*names, "dissipation")]
+        found.insert(FACTORS, len(self._factor_names))
+        return np.array([-1 if column is None else column for column in found])
 
     @cached_property
     def _elasticity(self) -> Elasticity:
+        grain, slope, reference = self.grain_bulk_modulus, self.grain_slope, self.grain_reference_pressure
         return Elasticity(
+            float(grain),
+            float(slope),
+            float(reference),
+            1.0 / (grain - slope * reference),
             float(self.b0),
             float(self.b1),
             float(self.b2),
@@ -98,6 +130,12 @@ class Arena(ArenaParameters):
             self.p3,
             float(self.p1_sat),
             max(float(self.p0), 1000.0),
+            float(self.air_exponent),
+            float(self.atmospheric_pressure),
+            float(self.water_bulk_modulus),
+            float(self.water_slope),
+            float(self.water_reference_pressure),
+            self.pore_pressure == "total",
         )
         air = (1.0 - self.initial_saturation) * pore_space.air_volume(pores, 0.0)
         water = self.initial_saturation * pore_space.water_volume(pores, 0.0)[0]
@@ -143,62 +181,65 @@ class Arena(ArenaParameters):
     def initial_state(self, stress: np.ndarray, ids: np.ndarray, volume: np.ndarray) -> np.ndarray:
         """State (n, k) of rows that start at the total `stress` (n, 4|6) Pa.
 
-        Rows without any stress are set to minus the initial fluid pressure, in place. A stress beyond the
-        virgin surface gets the volumetric plastic strain whose cap encloses it (normally consolidated).
+        The pores hold fluid at the initial fluid pressure, so the effective stress is known. Rows without any stress
+        are set to minus that pressure, in place. An effective stress beyond the virgin surface, times the ratio of
+        overconsolidation, gets the volumetric plastic strain whose cap encloses it: the soil was consolidated drained.
         Raises ValueError where no cap can, and where a strength factor leaves no valid yield surface.
         """
         n, components = stress.shape
+        columns = self._columns[components]
         if self.initial_fluid_pressure > 0:
             stress[np.ix_(~stress.any(axis=1), np.arange(3))] = -self.initial_fluid_pressure
-        width = sum(f.columns(components) for f in self.state_fields)
-        state = np.zeros((n, width))
-        _, factor_column, static_column = self._columns
-        if factor_column >= 0:
-            state[:, factor_column] = self._checked_factors(ids, volume)
-        if static_column >= 0:
-            state[:, static_column : static_column + components] = stress
+        state = np.zeros((n, state_columns(self, components)))
+        if columns[FACTOR] >= 0:
+            state[:, columns[FACTOR] : columns[FACTOR] + columns[FACTORS]] = self._checked_factors(ids, volume)
+        if columns[STATIC] >= 0:
+            state[:, columns[STATIC] : columns[STATIC] + components] = stress
         i1, j2 = self._invariants(stress)
-        fill_initial(*self._packed[1:4], self._columns, i1, j2, state)
-        bad = np.flatnonzero(state[:, FAILURES] != 0)
+        fill_initial(*self._packed[1:4], columns, float(self.overconsolidation_ratio), i1, j2, state)
+        bad = np.flatnonzero(np.isnan(state[:, EVP]))
         if bad.size:
             b = bad[0]
             raise ValueError(
                 f"row {b} (ids {ids[b].tolist()}): initial stress with I1 = {i1[b]:.6g} Pa and sqrt(J2) = "
-                f"{math.sqrt(j2[b]):.6g} Pa lies outside every yield surface (pore pressure "
+                f"{math.sqrt(j2[b]):.6g} Pa lies outside every yield surface (fluid pressure "
                 f"{self.initial_fluid_pressure:.6g} Pa); reduce its shear or tension, or raise FSLOPE, PEAKI1"
             )
         return state
 
     def _checked_factors(self, ids, volume):
-        factors = strength_factors(
-            ids, volume, self.weibull_modulus, self.weibull_reference_volume, self.weibull_seed
-        )
-        peak, _, stren, yslope = self.intact_strength()
-        if stren > 0 and (factors.max() * yslope * peak >= stren):
-            raise ValueError(
-                f"strength factor {factors.max():.4g} (size effect and Weibull draw) breaks the rule "
-                f"STREN > YSLOPE * PEAKI1; lower PEAKI1 = {peak} or weibull_reference_volume = "
-                f"{self.weibull_reference_volume} m^3"
-            )
+        """Strength factors (n, 1|4): size effect times Weibull draw."""
+        laws = [self.scatter(name) for name in (STRENGTHS if len(self._factor_names) > 1 else STRENGTHS[:1])]
+        factors = np.stack([strength_factors(ids, volume, *law) for law in laws], axis=1)
+        peak, fslope, stren, yslope = (factors * self.intact_strength()).T
+        if self.YSLOPE > 0:
+            bad = np.flatnonzero((stren <= yslope * peak) | (fslope <= yslope))
+            if bad.size:
+                b = bad[0]
+                raise ValueError(
+                    f"row {b} (ids {ids[b].tolist()}): strength factors {factors[b]} (size effect, Weibull draw) make "
+                    f"PEAKI1 = {peak[b]:.4g}, FSLOPE = {fslope[b]:.4g}, STREN = {stren[b]:.4g} and YSLOPE = "
+                    f"{yslope[b]:.4g}, against the rules STREN > YSLOPE * PEAKI1, FSLOPE > YSLOPE; lower PEAKI1 or "
+                    "weibull_reference_volume, or let the strengths draw alike (the same weibull_seed and _modulus)"
+                )
         return factors
 
     def compute_stress(self, stress, strain_increment, state, dt):
         """Advance `stress` (n, 4|6) Pa and `state` (n, k) in place by `strain_increment` over `dt` s.
 
         With infinite `dt` the overstress vanishes and damage does not grow. Raises UpdatesFailed for rows whose
-        update fails: they keep their start state, and their `failed_updates` column counts it.
+        update fails: they keep their start state.
         """
-        failed = update_rows(*self._packed, self._columns, stress, strain_increment, state, float(dt))
+        failed = update_rows(*self._packed, self._columns[stress.shape[1]], stress, strain_increment, state, float(dt))
         if len(failed):
             raise UpdatesFailed(failed, "the return to the yield surface did not converge")
 
     def elastic_moduli(self, stress, state):
         """Bulk and shear modulus of compressive unloading at the current state, two (n,) arrays in Pa."""
         i1, _ = self._invariants(self._static_stress(stress, state))
-        pressure = np.ascontiguousarray(state[:, PRESSURE])
+        pressure, evp, content = (np.ascontiguousarray(state[:, c]) for c in (PRESSURE, EVP, CONTENT))
         bulk, shear = np.empty(len(stress)), np.empty(len(stress))
-        evp = np.ascontiguousarray(state[:, EVP])
-        fill_moduli(*self._packed[:2], i1 + 3.0 * pressure, pressure, evp, bulk, shear)
+        fill_moduli(*self._packed[:2], i1 + 3.0 * pressure, pressure, evp, content, bulk, shear)
         return bulk, shear
 
     def friction_angles(self, dimension: int, factor: float = 1.0) -> FrictionAngles:
@@ -208,8 +249,10 @@ class Arena(ArenaParameters):
 
     def doubts(self, stress: np.ndarray, state: np.ndarray) -> dict[str, str]:
         """What looks wrong about the parameters and the rows' strength, by subject."""
-        column = self._columns[1]
-        strongest = float(state[:, column].max(initial=0.0)) if column >= 0 else 1.0
+        columns, strongest = self._columns[stress.shape[1]], 1.0
+        if columns[FACTOR] >= 0:
+            slopes = columns[FACTOR] + (STRENGTHS.index("FSLOPE") if columns[FACTORS] > 1 else 0)
+            strongest = float(state[:, slopes].max(initial=0.0))
         dimension = tensors.dimension_of(stress)
         angles = self.friction_angles(dimension, strongest)
         acting, where = (angles.plane_strain, "plane strain") if dimension == 2 else (angles.compression, "compression")
@@ -222,6 +265,19 @@ class Arena(ArenaParameters):
             "low pressure; the size effect makes points that are smaller than weibull_reference_volume stronger"
         }
 
+    @property
+    def derived_fields(self) -> tuple[StateField, ...]:
+        """What `derived_state` gives."""
+        fields = [StateField("porosity", "1"), StateField("saturation", "1"), StateField("kappa", "Pa")]
+        fields += [StateField("coherence", "1")] if self.do_damage else []
+        fields += [] if self.rate_dependent else [StateField("quasistatic_stress", "Pa", kind="tensor")]
+        return tuple(fields)
+
+    @property
+    def default_output(self) -> tuple[str, ...]:
+        """What results hold without being asked."""
+        return ("pore_pressure", "porosity", "saturation", *(("coherence",) if self.do_damage else ()))
+
     def derived_state(self, stress: np.ndarray, state: np.ndarray) -> dict[str, np.ndarray]:
         """Quantities that follow from the stored ones: porosity, saturation, branch point kappa (I1_eff, Pa).
 
@@ -230,13 +286,13 @@ class Arena(ArenaParameters):
         """
         n = len(state)
         porosity, saturation = np.empty(n), np.empty(n)
-        pressure = np.ascontiguousarray(state[:, PRESSURE])
-        fill_pores(self._packed[1], np.ascontiguousarray(state[:, EVP]), pressure, porosity, saturation)
+        pressure, evp, content = (np.ascontiguousarray(state[:, c]) for c in (PRESSURE, EVP, CONTENT))
+        fill_pores(self._packed[1], evp, content, pressure, porosity, saturation)
         peak, _ = self._yield(stress, state)
         kappa = peak - self.CR * (peak - state[:, STRENGTH] - 3.0 * pressure)
         derived = {"porosity": porosity, "saturation": saturation, "kappa": kappa}
         if self.do_damage:
-            time = state[:, self._columns[0]]
+            time = state[:, self._columns[stress.shape[1]][TIME]]
             derived["coherence"] = 1.0 / (1.0 + np.exp(-self.fspeed * (1.0 - time / self.time_at_failure)))
         if not self.rate_dependent:
             derived["quasistatic_stress"] = stress.copy()
@@ -249,7 +305,7 @@ class Arena(ArenaParameters):
         """
         pressure = state_row[PRESSURE]
         strength = state_row[STRENGTH] + 3.0 * pressure
-        surface = self._surface_of(state_row)
+        surface = self._surface_of(state_row, len(stress_row))
         middle, half = 0.5 * (surface.peak + strength), 0.5 * (surface.peak - strength)
         i1 = middle - half * np.cos(np.linspace(0.0, np.pi, 201))  # denser at both steep ends
         square = np.array([squared_limit(surface, value, strength) for value in i1])
@@ -263,19 +319,15 @@ class Arena(ArenaParameters):
         """PEAKI1 and excess, both (n,)."""
         i1, j2 = self._invariants(self._static_stress(stress, state))
         peak, excess = np.empty(len(stress)), np.empty(len(stress))
-        fill_yield(*self._packed[2:4], self._columns, i1, j2, state, peak, excess)
+        fill_yield(*self._packed[2:4], self._columns[stress.shape[1]], i1, j2, state, peak, excess)
         return peak, excess
 
-    def _surface_of(self, state_row):
-        time_column, factor_column, _ = self._columns
-        if time_column < 0 and factor_column < 0:
-            return self._surface
-        factor = state_row[factor_column] if factor_column >= 0 else 1.0
-        growth = state_row[time_column] if time_column >= 0 else -1.0
-        return weakened_surface(self._strength, factor, growth)
+    def _surface_of(self, state_row, components):
+        surface, _, _ = surface_of(self._surface, self._strength, self._columns[components], state_row[None], 0)
+        return surface
 
     def _static_stress(self, stress, state):
-        column = self._columns[2]
+        column = self._columns[stress.shape[1]][STATIC]
         return state[:, column : column + stress.shape[1]] if column >= 0 else stress
 
     @staticmethod

@@ -18,6 +18,7 @@ SURFACE, NOSE, VERTEX = 0, 1, 2
 _NOSE_SHEAR = 1e-5  # trial q below this share of the surface's length goes to the nose directly
 _COMPACTION_LIMIT = 0.999  # share of the remaining compaction p3 - evp that one step may take
 _BISECT_AFTER = 25
+_AT_VERTEX = 1e-6  # of the surface's length
 _MAX_ITERATIONS = 120
 
 
@@ -60,17 +61,22 @@ def _residual(y, target, shear, x, q, i1, di1, strength, dstrength):
 
 
 @inlined
-def _solve(c, y, target, bulk, shear, i1, q, evp, guess, pressure, tolerance):
-    """Bracketed Newton iteration for x; returns x, F, pore pressure and strength, NaN x on failure.
+def _solve(c, y, target, bulk, shear, coupling, i1, q, evp, content, guess, pressure, tolerance):
+    """Bracketed Newton iteration for x; returns x, F, effective I1, pore pressure and strength, NaN x on failure.
 
-    The last Newton step is applied to the results linearly, which leaves an error of `tolerance` squared.
+    `i1`, fluid `content` and `pressure` are those of the trial, in which all strain is elastic; then plastic compaction
+    raises the pressure at that content, and takes back x of the elastic one. The last Newton step is applied to the
+    results linearly, which leaves an error of `tolerance` squared.
     """
     low = -math.inf
     high = min((y.peak - i1) / (3.0 * bulk), _COMPACTION_LIMIT * (c.p3 - evp))
     x = min(guess, high)
     p = pressure
     for iteration in range(_MAX_ITERATIONS):
-        p, dp, strength, dstrength = harden(c, evp + x, p)
+        p, dp, strength, dstrength = harden(c, evp + x, content, 0.0, p)
+        full, dfull = p, dp
+        if coupling > 0.0:
+            full, dfull, strength, dstrength = harden(c, evp + x, _after(content, coupling, x), coupling, p)
         length = y.peak - strength
         di1 = 3.0 * (bulk + dp)
         here = i1 + 3.0 * (bulk * x + p)
@@ -83,23 +89,30 @@ def _solve(c, y, target, bulk, shear, i1, q, evp, guess, pressure, tolerance):
         reach = tolerance * min(length, abs(here) + f + min(c.p0, STRESS_FLOOR))
         small = abs(step) * di1 <= reach and abs(df * step) <= reach
         if inside and small and (step <= 0.0) == (residual >= 0.0):
-            return x + step, max(f + df * step, 0.0), p + dp * step, strength + dstrength * step
+            here += di1 * step
+            return x + step, max(f + df * step, 0.0), here, full + dfull * step, strength + dstrength * step
         if high - low <= 4e-16 * (abs(x) + length / bulk):
-            return x, f, p, strength
+            return x, f, here, full, strength
         new = x + step
         if not (new > low and new < high) or (iteration > _BISECT_AFTER and low > -math.inf):
             new = 0.5 * (low + high) if low > -math.inf else x - 2.0 * (abs(x) + length / di1)
         p = max(p + dp * (new - x), 0.0)
         x = new
-    return math.nan, 0.0, p, strength
+    return math.nan, 0.0, i1, p, strength
 
 
 @inlined
-def plastic_return(c, y, bulk, shear, i1, q, evp, pressure, strength, guess, tolerance):
-    """Plastic volume increment x, sqrt J2, pore pressure and strength X_eff after the return.
+def _after(content, coupling, x):
+    """Fluid content after x of an elastic compression has become plastic."""
+    return content * math.exp(-coupling * x) if coupling > 0.0 else content
 
-    `i1` (total) and `q` = sqrt J2 are the trial's; `pressure` and `strength` belong to `evp`, the plastic
-    strain before. x is NaN if the iteration failed.
+
+@inlined
+def plastic_return(c, y, bulk, shear, coupling, i1, q, evp, content, pressure, strength, guess, tolerance):
+    """Plastic volume increment x, sqrt J2, effective I1, pore pressure and strength X_eff after the return.
+
+    `i1` (total), `q` = sqrt J2, fluid `content`, `pressure` and `strength` are the trial's, `evp` the plastic strain
+    before. x is NaN if the iteration failed.
     """
     effective = i1 + 3.0 * pressure
     target = SURFACE
@@ -108,39 +121,70 @@ def plastic_return(c, y, bulk, shear, i1, q, evp, pressure, strength, guess, tol
     elif effective < strength and q <= _NOSE_SHEAR * (y.peak - strength):
         target = NOSE
     while True:
-        x, f, p, end_strength = _solve(c, y, target, bulk, shear, i1, q, evp, guess, pressure, tolerance)
+        x, f, end, p, end_strength = _solve(
+            c, y, target, bulk, shear, coupling, i1, q, evp, content, guess, pressure, tolerance
+        )
         if target != VERTEX:
-            return x, min(f, q), p, end_strength
+            return x, min(f, q), end, p, end_strength
         limit, slope, _ = shear_limit(y, y.peak)
         limit = max(limit, 0.0)
         if x * shear - 2.0 * y.opening * slope * max(q - limit, 0.0) <= 0.0:
-            return x, min(q, limit), p, end_strength
+            return x, min(q, limit), end, p, end_strength
         target = SURFACE  # the trial is not in the cone of the vertex
 
 
 @inlined
-def backward_euler(c, y, bulk, shear, state, tr, e1, e2, guess, tolerance):
+def strained_pores(c, coupling, state, tr):
+    """Pore pressure, strength X_eff and fluid content after an elastic strain of trace `tr`."""
+    p, strength, content = state[4], state[5], state[6]
+    if coupling > 0.0:
+        content *= math.exp(-coupling * tr)
+        p, _, strength, _ = harden(c, state[3], content, 0.0, p)
+    return p, strength, content
+
+
+@inlined
+def backward_euler(c, y, bulk, shear, coupling, state, tr, e1, e2, guess, tolerance):
     """Elastic trial and return over a strain increment (trace `tr`, deviator `e1`, `e2`).
 
-    `state` = (I1, u, w, evp, p, X_eff): total I1, the deviator's two coordinates in an orthonormal basis
-    (J2 = (u^2 + w^2)/2), plastic volume strain, pore pressure, strength. Returns the new one.
+    `state` = (I1, u, w, evp, p, X_eff, content): total I1, the deviator's two coordinates in an orthonormal basis
+    (J2 = (u^2 + w^2)/2), plastic volume strain, pore pressure, strength, fluid content. Returns the new one.
     """
-    i1, u, w, evp, p, strength = state
-    i1 += 3.0 * bulk * tr
+    u, w, evp = state[1], state[2], state[3]
+    p, strength, content = strained_pores(c, coupling, state, tr)
+    effective = state[0] + 3.0 * state[4] + 3.0 * bulk * tr
     u += 2.0 * shear * e1
     w += 2.0 * shear * e2
     j2 = 0.5 * (u * u + w * w)
-    if holds(y, i1 + 3.0 * p, j2, strength):
-        return i1, u, w, evp, p, strength
+    if holds(y, effective, j2, strength):
+        return effective - 3.0 * p, u, w, evp, p, strength, content
     q = math.sqrt(j2)
-    x, f, p, strength = plastic_return(c, y, bulk, shear, i1, q, evp, p, strength, guess, tolerance)
+    x, f, effective, p, strength = plastic_return(
+        c, y, bulk, shear, coupling, effective - 3.0 * p, q, evp, content, p, strength, guess, tolerance
+    )
     ratio = f / q if q > 0.0 else 0.0
-    return i1 + 3.0 * bulk * x, ratio * u, ratio * w, evp + x, p, strength
+    return effective - 3.0 * p, ratio * u, ratio * w, evp + x, p, strength, _after(content, coupling, x)
+
+
+@inlined
+def let_go(c, y, start, end):
+    """`end` of a plastic substep, and the strain by which the row opened in it.
+
+    At the vertex, and free of fluid pressure, soil has come apart: expansion is a gap, not plastic strain. The pores
+    stay those of the `start`, or at which the fluid became free.
+    """
+    vertex = y.peak - _AT_VERTEX * (y.peak - end[5])
+    if end[3] >= start[3] or end[4] > 0.0 or end[0] < vertex:
+        return end, 0.0
+    free = -math.log1p(c.open_volume * end[6] - c.phi0)
+    evp = max(end[3], min(start[3], free))
+    p, _, strength, _ = harden(c, evp, end[6], 0.0, 0.0)
+    return (end[0] - 3.0 * p, end[1], end[2], evp, p, strength, end[6]), evp - end[3]
 
 
 @inlined
 def crossing(y, i1, di1, u, du, w, dw, strength):
-    """Fraction of a straight stress path, from inside to outside, at which it meets the surface.
+    """Fraction of a straight path of effective stress, from inside to outside, at which it meets the surface.
 
     Illinois iteration on J2 - F^2, bisection where the path has left the range of I1.
     """

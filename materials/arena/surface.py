@@ -9,6 +9,8 @@ import math
 from periporo.core.numerics.jit import inlined
 from periporo.materials.arena.constants import Surface
 
+_ONSET = 0.1
+
 
 @inlined
 def coherence(speed, time_at_failure, growth_time):
@@ -17,8 +19,8 @@ def coherence(speed, time_at_failure, growth_time):
 
 
 @inlined
-def weakened_surface(y, factor, growth_time):
-    """Surface of a row with strength `factor` (variability) that has been yielding for `growth_time` s.
+def weakened_surface(y, factors, growth_time):
+    """Surface of a row with `factors` (4) on its strengths (variability) that has been yielding for `growth_time` s.
 
     A negative `growth_time` stands for a material without damage.
     """
@@ -26,10 +28,10 @@ def weakened_surface(y, factor, growth_time):
     if growth_time >= 0.0:
         c = coherence(y.growth_speed, y.time_at_failure, growth_time)
     d = 1.0 - c
-    peak = factor * (c * y.peak + d * y.failed_peak)
-    fslope = factor * (c * y.fslope + d * y.failed_fslope)
-    stren = factor * (c * y.stren + d * y.failed_stren)
-    yslope = factor * (c * y.yslope + d * y.failed_yslope)
+    peak = factors[0] * (c * y.peak + d * y.failed_peak)
+    fslope = factors[1] * (c * y.fslope + d * y.failed_fslope)
+    stren = factors[2] * (c * y.stren + d * y.failed_stren)
+    yslope = factors[3] * (c * y.yslope + d * y.failed_yslope)
     a1, a2, a3, a4 = coefficients(peak, fslope, stren, yslope)
     return Surface(a1, a2, a3, a4, peak, y.cap_ratio, y.flow, y.opening)
 
@@ -59,6 +61,17 @@ def shear_limit(y, i1):
 def branch(y, strength):
     """kappa, the effective I1 where the cap begins; strength X_eff."""
     return y.peak - y.cap_ratio * (y.peak - strength)
+
+
+@inlined
+def share_of_limit(y, i1, strength):
+    """1 on the shear limit, falling smoothly to 0 over the first part of the cap, `_ONSET` of its length."""
+    kappa = branch(y, strength)
+    beyond = (kappa - i1) / (_ONSET * (kappa - strength))
+    if beyond <= 0.0:
+        return 1.0
+    left = max(1.0 - beyond, 0.0)
+    return left * left * (3.0 - 2.0 * left)
 
 
 @inlined

@@ -27,13 +27,13 @@ def exponential_draws(ids: np.ndarray, seed: int) -> np.ndarray:
 
 
 def strength_factors(
-    ids: np.ndarray, volume: np.ndarray, modulus: float, reference_volume: float, seed: int
+    ids: np.ndarray, volume: np.ndarray, modulus: float, exponent: float, reference_volume: float, seed: int
 ) -> np.ndarray:
-    """Factor (n,) on all strength parameters: size effect (V_ref/V)^(1/a) times a Weibull number of mean 1.
+    """Factor (n,) on a strength: size effect (V_ref/V)^(1/`exponent`) times a Weibull number of mean 1 (eq. 284).
 
     `ids` (n, 2), `volume` (n,) m^3. Seed 0 draws nothing: the size effect alone.
     """
-    size = (reference_volume / volume) ** (1.0 / modulus)
+    size = (reference_volume / volume) ** (1.0 / exponent)
     if seed == 0:
         return size
     draws = exponential_draws(ids, seed)

@@ -48,11 +48,14 @@ def drive(
     path: StrainPath | DeformationPath,
     substeps: int = 10,
     initial_stress: np.ndarray | None = None,
+    *,
+    volume: float = 1.0,
+    number: int = 0,
 ) -> dict[str, np.ndarray]:
     """Columns (m,) by name for the rows of `path`: time, strain, stress and state, in SI units.
 
     Each row is reached in `substeps` steps. The initial stress (6,) Pa is that of the argument, else the path's own,
-    else zero.
+    else zero. `volume` (m^3) of the specimen and `number`, its id, are for laws whose strength scatters.
 
     Raises `InputError` if path and start do not suit, `DriveStopped`, with the rows so far, if the law fails or
     refuses a strain, gives a number that is not finite, or does not reach a prescribed stress.
@@ -66,9 +69,13 @@ def drive(
     """
     if substeps < 1:
         raise InputError("substeps", [Problem((), f"must be at least 1, not {substeps}")])
+    if not 0 < volume < np.inf:
+        raise InputError("volume", [Problem((), f"must be positive, in m^3, not {volume:g}")])
+    if number < 0:
+        raise InputError("id", [Problem((), f"must be at least 0, not {number}")])
     stress = initial_stress if initial_stress is not None else path.initial_stress
     try:
-        point = MaterialPoint(material, np.zeros(6) if stress is None else stress)
+        point = MaterialPoint(material, np.zeros(6) if stress is None else stress, volume, number)
     except ValueError as error:
         raise InputError(path.name, [Problem((), f"the initial stress does not suit: {error}")]) from error
     if isinstance(path, DeformationPath):
@@ -226,6 +233,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="PA",
         help="mean stress, or six components xx,yy,zz,xy,yz,xz, tension positive: --initial-stress=-1e5",
     )
+    parser.add_argument(
+        "--volume", type=float, default=1.0, metavar="M3",
+        help="volume of the specimen, for laws with a size effect (default: 1 m^3)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--id", type=int, default=0, metavar="N", help="number of the point, for laws that draw by it (default: 0)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -238,7 +252,10 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         material = load_material(arguments.material)
         path = find_path(arguments.path)
-        columns = drive(material, path, arguments.substeps, _parse_stress(arguments.initial_stress))
+        stress = _parse_stress(arguments.initial_stress)
+        columns = drive(
+            material, path, arguments.substeps, stress, volume=arguments.volume, number=arguments.id
+        )
     except InputError as error:
         print(error, file=sys.stderr)
         return _INPUT_ERROR

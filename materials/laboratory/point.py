@@ -4,6 +4,7 @@ import numpy as np
 
 from periporo.core.numerics.tensors import from_matrix, to_matrix
 from periporo.core.points.material import Material, StepRefused, UpdatesFailed
+from periporo.core.points.opening import advance_rows
 
 _WANTED = 1e-11  # error of a prescribed stress, of the largest stress or of 1e-6 K
 _ACCEPTED = 1e-7  # the same, where a law's own tolerance stops Newton's method before
@@ -24,10 +25,11 @@ class StressNotReached(PointStopped):
 class MaterialPoint:
     """Stress (1, 6) Pa, state (1, k) and accumulated strain (6,) of one point."""
 
-    def __init__(self, material: Material, stress: np.ndarray):
+    def __init__(self, material: Material, stress: np.ndarray, volume: float = 1.0, number: int = 0):
+        """`volume` (m^3) and `number` are what the law is told of the specimen's size and of the point's id."""
         self.material = material
         self.stress = np.array(stress, dtype=float).reshape(1, 6)
-        self.state = material.initial_state(self.stress, np.zeros((1, 2), dtype=np.int64), np.ones(1))
+        self.state = material.initial_state(self.stress, np.full((1, 2), number, np.int64), np.full(1, float(volume)))
         self.strain = np.zeros(6)
 
     def strain_by(self, increment: np.ndarray, dt: float, halvings: int = _MOST_HALVINGS) -> None:
@@ -38,7 +40,7 @@ class MaterialPoint:
         stress, state = self.stress.copy(), self.state.copy()
         problem = ""
         try:
-            self.material.compute_stress(self.stress, increment.reshape(1, 6).copy(), self.state, dt)
+            advance_rows(self.material, self.stress, increment.reshape(1, 6).copy(), self.state, dt)
         except StepRefused as refusal:
             problem = f"the law refuses the strain, {refusal.reason}"
         except UpdatesFailed as failure:
@@ -114,7 +116,7 @@ class MaterialPoint:
         stress = np.tile(self.stress, (len(increments), 1))
         state = np.tile(self.state, (len(increments), 1))
         try:
-            self.material.compute_stress(stress, increments.copy(), state, dt)
+            advance_rows(self.material, stress, increments.copy(), state, dt)
         except (StepRefused, UpdatesFailed):
             if len(increments) == 1:
                 return np.full((1, len(unknown)), np.inf)

@@ -12,6 +12,7 @@ import numpy as np
 from periporo.core.numerics.tensors import component_count
 from periporo.core.points.material import Material
 from periporo.materials.testing import contract, response
+from periporo.materials.testing.apart import check_limit, check_opening
 from periporo.materials.testing.breaches import (
     CycleEnergyError,
     DeclarationError,
@@ -19,6 +20,7 @@ from periporo.materials.testing.breaches import (
     ModuliError,
     NonConformance,
     NonFiniteError,
+    OpeningError,
     RefusalError,
     ShapeError,
     SplitError,
@@ -28,7 +30,7 @@ from periporo.materials.testing.rows import Rows
 
 __all__ = [
     "CycleEnergyError", "DeclarationError", "FrameError", "ModuliError", "NonConformance", "NonFiniteError",
-    "RefusalError", "Report", "ShapeError", "SplitError", "ZeroIncrementError", "check_material",
+    "OpeningError", "RefusalError", "Report", "ShapeError", "SplitError", "ZeroIncrementError", "check_material",
 ]  # fmt: skip
 
 
@@ -63,12 +65,15 @@ def check_material(material: Material, dimension: int = 3, seed: int = 0, pressu
     contract.check_declaration(material)
     rows = Rows(material, component_count(dimension), np.random.default_rng(seed), pressure)
     contract.check_start(rows)
+    contract.check_derived(rows)
+    check_limit(rows)
     contract.check_calls(rows)
     contract.check_rows_without_state(rows)
     stress, state = response.check_walk(rows)
     contract.check_zero_increment(rows, stress, state)
     contract.check_split(rows, stress, state)
     response.check_components(rows)
+    check_opening(rows)
     response.check_frame(rows, stress, state)
     stiffness = max(response.check_moduli(rows, *start) for start in ((rows.stress, rows.state), (stress, state)))
     return Report(rows.law, dimension, response.check_cycle(rows), stiffness, rows.failures)

@@ -37,5 +37,9 @@ class NonFiniteError(NonConformance):
     """NaN or infinity after finite strains, or in rows without state."""
 
 
+class OpeningError(NonConformance):
+    """A row that has come apart bears something before it has closed, or does not close again."""
+
+
 class CycleEnergyError(NonConformance):
     """A law that declares itself `conservative` made or lost energy in a closed cycle of strain."""

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from periporo.core.points.material import Material, StateField
+from periporo.core.points.material import Material, StateField, derived_fields
 from periporo.materials.testing.breaches import (
     DeclarationError,
     NonFiniteError,
@@ -31,7 +31,14 @@ def check_declaration(material: Material) -> None:
     if not isinstance(fields, tuple) or not all(isinstance(f, StateField) for f in fields):
         raise DeclarationError(f"{law}.state_fields must be a tuple of StateField, not {fields!r}")
     names = [f.name for f in fields]
-    for field in fields:
+    derived = derived_fields(material)
+    if derived and not callable(getattr(material, "derived_state", None)):
+        raise DeclarationError(f"{law} lists `derived_fields`, but has no method `derived_state`")
+    names += [f.name for f in derived]
+    unknown = sorted(set(getattr(material, "default_output", ())) - set(names))
+    if unknown:
+        raise DeclarationError(f"{law}.default_output names {unknown}, which are neither state nor derived fields")
+    for field in (*fields, *derived):
         if not field.name.isidentifier() or names.count(field.name) > 1 or field.name == "stress":
             raise DeclarationError(
                 f"{law}: state field '{field.name}' needs a name of letters, digits and _ that no other has"
@@ -66,6 +73,24 @@ def check_start(rows: Rows) -> None:
     stress, state = rows.start(np.zeros_like(rows.stress))
     rows.check_finite(stress, state, "initial_state without stress, where points meet that flew freely")
     rows.moduli(stress, state)
+
+
+def check_derived(rows: Rows) -> None:
+    """derived_state gives what `derived_fields` lists, finite, and changes nothing."""
+    wanted = {field.name: field.columns(rows.components) for field in derived_fields(rows.material)}
+    if not wanted:
+        return
+    stress, state = rows.stress.copy(), rows.state.copy()
+    derive: Any = getattr(rows.material, "derived_state", None)
+    found = derive(stress, state)
+    shapes = {name: (ROWS,) if width == 1 else (ROWS, width) for name, width in wanted.items()}
+    if {name: np.shape(values) for name, values in found.items()} != shapes:
+        given = {name: np.shape(values) for name, values in found.items()}
+        raise ShapeError(f"{rows.law}.derived_state gave {given}; `derived_fields` lists {shapes}")
+    if not all(np.isfinite(values).all() for values in found.values()):
+        raise NonFiniteError(f"{rows.law}.derived_state gives NaN or infinity at the start")
+    if not (np.array_equal(stress, rows.stress) and np.array_equal(state, rows.state)):
+        raise ShapeError(f"{rows.law}.derived_state changed stress or state; it only looks at them")
 
 
 def check_calls(rows: Rows) -> None:
@@ -126,7 +151,7 @@ def check_zero_increment(rows: Rows, stress, state) -> None:
     overstressed, its_state = rows.after(stress, rows.increments(), state, 1e-6)
     cases = ((stress, state, np.inf), (overstressed, its_state, 1e-30))
     for before, its, dt in cases:
-        change = np.abs(rows.after(before, still, its, dt)[0] - before).max(axis=1)
+        change = np.abs(rows.after(before, still, its, dt, openings=False)[0] - before).max(axis=1)
         relative = change / rows.stress_scale(before, its, still)
         row = int(np.argmax(relative))
         if not relative[row] <= SAME:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from periporo.core.points.material import Material, StepRefused, UpdatesFailed, state_columns
+from periporo.core.points.opening import advance_rows
 from periporo.materials.testing.breaches import ModuliError, NonFiniteError, RefusalError, ShapeError
 
 ROWS = 24
@@ -48,11 +49,17 @@ class Rows:
                 )
         return moduli
 
-    def after(self, stress, increment, state, dt, halvings=_MOST_HALVINGS):
-        """Stress and state after one call; after two of half the step where the law refuses it, as in a run."""
+    def after(self, stress, increment, state, dt, halvings=_MOST_HALVINGS, openings=True):
+        """Stress and state after one step; after two of half of it where the law refuses it, as in a run.
+
+        Without `openings` the law is asked alone.
+        """
         new_stress, new_state = stress.copy(), state.copy()
         try:
-            self.material.compute_stress(new_stress, increment.copy(), new_state, dt)
+            if openings:
+                advance_rows(self.material, new_stress, increment.copy(), new_state, dt)
+            else:
+                self.material.compute_stress(new_stress, increment.copy(), new_state, dt)
         except UpdatesFailed as failure:
             self.check_rows(failure.rows, len(increment))
             self.failures += len(failure.rows)

@@ -12,6 +12,7 @@ from periporo.core.numerics.tensors import equivalent_shear, mean, to_matrix
 from periporo.core.points.material import StateField, StepRefused, UpdatesFailed
 from periporo.errors import InputError
 from periporo.materials.arena import Arena
+from periporo.materials.arena.variability import strength_factors
 from periporo.materials.cam_clay import CamClay
 from periporo.materials.drucker_prager import DruckerPrager
 from periporo.materials.elastic import Elastic
@@ -266,6 +267,31 @@ def test_a_refused_increment_is_halved(controlled):
     result = drive(law, path, 1)
     assert result["stress_xy"][-1] == pytest.approx(3e4, rel=1e-9)
     assert result["strain_xy"][-1] == pytest.approx(1e-3, rel=1e-9)
+
+
+def test_specimen_of_a_law_whose_strength_scatters(tmp_path):
+    """Volume and number are the law's: PEAKI1 of a small specimen is larger by (V_ref/V)^(1/4), and drawn by the id."""
+    text = "model: arena\ndo_variability: true\nT1: 0.0\nT2: 0.0\ninitial_saturation: 0.0\n"
+    material = written(tmp_path, text, "m.yaml")
+    path = written(tmp_path, "time_s,strain_xx,strain_yy,strain_zz\n0,0,0,0\n1,1e-3,1e-3,1e-3\n", "pull.csv")
+    strength = []
+    for k, options in enumerate((["--volume=1"], ["--volume=1e-4"], ["--volume=1e-4", "--id=7"])):
+        assert run(arguments(material, path, "-o", tmp_path / str(k), *options)) == 0
+        last = (tmp_path / str(k) / "pull.csv").read_text().splitlines()[-1]
+        strength.append(float(last.split(",")[7]))
+    draws = [strength_factors(np.full((1, 2), k), np.full(1, 1e-4), 4.0, 4.0, 1e-3, 1)[0] for k in (0, 7)]
+    assert strength[1:] == pytest.approx([1000 / 3 * draw for draw in draws], rel=1e-6)
+    assert strength[1] / strength[0] == pytest.approx(10.0, rel=1e-6) and strength[2] != strength[1]
+    assert run(arguments(material, path, "-o", tmp_path / "none", "--volume=0")) == 2
+
+
+def test_soil_that_came_apart_closes_before_it_bears():
+    """In `drive` as in a run: 1 % of opening and closing leaves sand without stress, and then presses."""
+    soil = DruckerPrager.example().model_copy(update={"cohesion": 0.0})
+    target = np.outer([0.0, 0.01, 0.0, -0.001], [1, 1, 1, 0, 0, 0]) / 3
+    result = drive(soil, StrainPath("apart", np.arange(4.0), target), 10)
+    assert result["stress_xx"] == pytest.approx([0.0, 0.0, 0.0, -25e3], abs=1e-6)
+    assert result["opened"] == pytest.approx([0.0, 0.01, 0.0, 0.0], abs=1e-15)
 
 
 def test_prescribed_stress_must_start_at_the_initial_stress(tmp_path):

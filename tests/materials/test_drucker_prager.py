@@ -93,6 +93,39 @@ def test_pulled_soil_ends_at_the_apex(dilation):
     np.testing.assert_array_equal(dry, np.zeros((1, 6)))
 
 
+@pytest.mark.parametrize("steps", [1, 7, 400])
+def test_dilation_fades_with_the_volume_that_it_made(steps):
+    """v = e (1 - exp(-eta_bar gamma/e)), however long the steps; sheared on, p = p_0 - K e and the volume stays."""
+    end = 1e-3
+    material = soil(dilation_angle=20.0, largest_dilation=end)
+    eta, strength, ratio = material.cone(3)
+    stress = np.zeros((1, 6))
+    stress[0, :3] = -2e4
+    state = material.initial_state(stress, None, None)
+    for shear in (2e-3, 0.2):
+        increment = np.zeros((1, 6))
+        increment[0, 4] = shear / steps
+        for _ in range(steps):
+            material.compute_stress(stress, increment, state, np.inf)
+        if shear == 2e-3:
+            flow = 2 * shear - stress[0, 4] / MU
+            dilated = end * (1 - np.exp(-ratio * flow / end))
+            assert 0.2 * end < dilated < 0.9 * end
+        else:
+            dilated = end
+        assert state[0, 0] == pytest.approx(dilated, rel=1e-9)
+        assert mean(stress)[0] == pytest.approx(-2e4 - K * dilated, rel=1e-10)
+        assert stress[0, 4] == pytest.approx(strength - eta * mean(stress)[0], rel=1e-10)
+
+
+def test_soil_that_opens_is_not_at_its_critical_state():
+    """What expands at the apex is a gap, and no dilation; without dilation there is nothing to remember."""
+    material = soil(dilation_angle=20.0, largest_dilation=0.05)
+    _, _, state = advance(material, np.zeros((1, 6)), np.full((1, 6), 1e-3))
+    assert [f.name for f in material.state_fields] == ["plastic_dilation", "opened"] and not state.any()
+    assert [f.name for f in soil(largest_dilation=0.05).state_fields] == ["opened"]
+
+
 def biaxial_increment(dilation):
     """Collapse at constant stress in the plane: tr de = sin(psi) times the shear, axes at 20 deg."""
     shear, turn = 2e-4, np.radians(40.0)
@@ -186,6 +219,12 @@ def test_a_cone_that_fits_another_test_is_doubted(match, dimension, words):
     assert doubts == {} if words is None else words in doubts["friction"]
 
 
+def test_dilation_without_an_end_is_doubted():
+    rows = np.zeros((0, 4))
+    assert "largest_dilation" in soil(dilation_angle=10.0).doubts(rows, rows[:, :0])["dilation"]
+    assert soil(dilation_angle=10.0, largest_dilation=0.1).doubts(rows, rows[:, :0]) == {}
+
+
 def test_inscribed_cone_never_exceeds_mohr_coulomb():
     """Its Mohr-Coulomb function is at most 0 in every direction of the deviatoric plane, and touches 0."""
     material = soil(match="inscribed")
@@ -244,6 +283,7 @@ def test_drawn_yield_surface_and_moduli():
         ({"friction_angle": 90.0}, "less than 90"),
         ({"match": "outer"}, "plane_strain"),
         ({"tension_cutoff": -1.0}, "greater than or equal to 0"),
+        ({"largest_dilation": 0.0}, "greater than 0"),
     ],
 )
 def test_impossible_parameters_are_refused(change, message):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from periporo.core.points.material import Material, StateField, StepRefused
+from periporo.core.points.material import OPENED, Material, StateField, StepRefused
 from periporo.materials import registry, testing
 from periporo.materials.arena import Arena
 from periporo.materials.cam_clay import CamClay
@@ -15,14 +15,15 @@ LAWS = sorted(name for name in registry.available() if hasattr(registry.load(nam
 VARIANTS = {
     "dry Arena": Arena(initial_saturation=0.0, T1=0.0, T2=0.0),
     "saturated Arena": Arena(initial_saturation=1.0, p0=1e6),
-    "Arena with all parts": Arena(  # damage that begins at a branch of the surface jumps there, in the last digits, too
-        do_damage=True, damage_grows_on="surface", do_variability=True, use_disaggregation_algorithm=True,
-        weibull_reference_volume=1e-6,
+    "Arena with all parts": Arena(
+        do_damage=True, do_variability=True, use_disaggregation_algorithm=True, weibull_reference_volume=1e-6,
+        weibull_modulus={"STREN": 5.0}, report_plastic_strain=True, report_dissipation=True,
     ),
     "unsaturated": CamClay.example().for_unsaturated(),
     "rate-independent": CamClay.example().model_copy(update={"viscosity": 0.0, "report_dissipation": True}),
     "slow": CamClay.example().model_copy(update={"viscosity": 1e9}),
     "undrained": DruckerPrager.example().model_copy(update={"friction_angle": 0.0, "dilation_angle": 0.0}),
+    "critical": DruckerPrager.example().model_copy(update={"largest_dilation": 0.01, "report_dissipation": True}),
     "associated": DruckerPrager.example().model_copy(
         update={"dilation_angle": 35.0, "report_dissipation": True}
     ),
@@ -286,6 +287,95 @@ class NaNInTension(Sound):
             state[:, 0] += 0.0 * np.sqrt(-stress[:, :3].sum(axis=1))
 
 
+class Loose(Sound):
+    """Of a third party, with an apex at 1 kPa: what it cannot bear it lets go."""
+
+    state_fields = (StateField("number", "1"), OPENED)
+
+    def initial_state(self, stress, ids, volume):
+        return np.zeros((len(stress), 2))
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        stress += 2 * self.shear * strain_increment
+        stress[:, :3] += (self.bulk - 2 / 3 * self.shear) * strain_increment[:, :3].sum(axis=1, keepdims=True)
+        beyond = np.maximum(stress[:, :3].mean(axis=1) - 1e3, 0.0)
+        stress[:, :3] -= beyond[:, None]
+        self.let_go(beyond / self.bulk, state)
+
+    def let_go(self, strain, state):
+        """Nothing to do where the program knows the limit."""
+
+    def tension_limit(self, stress, state):
+        return np.full(len(stress), 1e3)
+
+
+class OpensItself(Loose):
+    """Knows by itself what it lets go."""
+
+    tension_limit = None
+
+    def let_go(self, strain, state):
+        state[:, 1] += strain
+
+
+class KeepsItsGaps(Loose):
+    """Has an apex, and says nothing of it."""
+
+    tension_limit = None
+    state_fields = (StateField("number", "1"), StateField("another", "1"))
+
+
+class LimitAlone(Loose):
+    state_fields = KeepsItsGaps.state_fields
+
+
+class LimitOfAll(Loose):
+    def tension_limit(self, stress, state):
+        return 1e3
+
+
+class WrongLimit(Loose):
+    def tension_limit(self, stress, state):
+        return np.full(len(stress), 2e3)
+
+
+class OpensTwice(Loose):
+    """Counts what the program counts."""
+
+    def let_go(self, strain, state):
+        state[:, 1] += strain
+
+
+class OpensByHalf(OpensItself):
+    def let_go(self, strain, state):
+        state[:, 1] += 0.5 * strain
+
+
+class Derives(Sound):
+    """Tells half of its path length, too."""
+
+    derived_fields = (StateField("half", "1"),)
+    default_output = ("half", "path_length")
+
+    def derived_state(self, stress, state):
+        return {"half": 0.5 * state[:, 0]}
+
+
+class DerivesOther(Derives):
+    def derived_state(self, stress, state):
+        return {"third": state[:, 0] / 3}
+
+
+class DerivesInPlace(Derives):
+    def derived_state(self, stress, state):
+        state += 1.0
+        return {"half": state[:, 0]}
+
+
+class ShowsUnknown(Derives):
+    default_output = ("quarter",)
+
+
 class Loses(Sound):
     """Friction: a share of the stiffness times the strain's length is lost."""
 
@@ -353,6 +443,15 @@ class LosesWherePressed(Loses):
         (MixesRows, testing.SplitError, "alone"),
         (RandomStart, testing.SplitError, "seed random numbers by ids"),
         (NaNInTension, testing.NonFiniteError, "random walk"),
+        (DerivesOther, testing.ShapeError, "`derived_fields` lists {'half': "),
+        (DerivesInPlace, testing.ShapeError, "only looks at them"),
+        (ShowsUnknown, testing.DeclarationError, "neither state nor derived"),
+        (KeepsItsGaps, testing.OpeningError, "list periporo.materials.OPENED"),
+        (LimitAlone, testing.OpeningError, "does not list OPENED"),
+        (LimitOfAll, testing.ShapeError, "a number for each row"),
+        (WrongLimit, testing.OpeningError, "let `tension_limit` tell the largest mean stress"),
+        (OpensTwice, testing.OpeningError, "leave the column alone, or take `tension_limit` away"),
+        (OpensByHalf, testing.OpeningError, "by all that it expands"),
         (Dissipates, testing.CycleEnergyError, "drop `conservative`"),
     ],
 )
@@ -374,6 +473,13 @@ def test_a_cycle_is_measured_by_the_moduli_of_its_rows():
     """Not by those without stress, which may be next to nothing."""
     loose = check_material(LosesWherePressed()).cycle_energy
     assert loose == pytest.approx(check_material(Loses()).cycle_energy, rel=1e-9) and 1e-3 < abs(loose) < 1e3
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("law", [Loose, OpensItself, Derives])
+def test_sound_variants_conform(law, dimension):
+    """An apex that the program or the law opens; derived state."""
+    assert check_material(law(), dimension).stiffness == pytest.approx(1.0, rel=1e-6)
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

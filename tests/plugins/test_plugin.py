@@ -34,7 +34,7 @@ stresses = []
 for law in laws.values():
     stress = np.zeros((4000, 6))
     stress[:, :3] = -rng.uniform(0, 0, 1) - 1e4
-    law.compute_stress(stress, increment, np.zeros((4000, 0)), 1.0)
+    law.compute_stress(stress, increment, np.zeros((4000, 1)), 1.0)
     stresses.append(stress)
 found["difference"] = float(np.abs(stresses[0] - stresses[1]).max() / np.abs(stresses[0]).max())
 principal = np.linalg.eigvalsh(stresses[1][:, [0, 3, 5, 3, 1, 4, 5, 4, 2]].reshape(-1, 3, 3))

@@ -17,7 +17,6 @@ def test_driven_point_reaches_the_peak_of_the_model_near_the_measured_one(tmp_pa
     assert bars.measured(name)["axial_stress_Pa"].max() == pytest.approx(measured, rel=1e-3)
     assert -columns["stress_xx"].min() == pytest.approx(measured, rel=0.1)
     assert np.allclose(columns["stress_yy"], columns["stress_zz"], rtol=1e-9)
-    assert (columns["failed_updates"] == 0).all()
     assert (columns["pore_pressure"] > 0).any()
     assert {f.name for f in tmp_path.iterdir()} == {f"{name}.csv"} | {
         f"{name}_{plot}.png" for plot in ("stress_strain", "stress_path", "volume", "pore_pressure")

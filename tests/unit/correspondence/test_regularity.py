@@ -127,10 +127,10 @@ def test_elastic_bodies_have_the_same_bits_with_and_without(scene_of):
     assert np.array_equal(*ends)
 
 
-@pytest.mark.parametrize("psi", (0.0, 30.0))
-def test_a_column_of_sand_covers_its_area_and_makes_no_energy(scene_of, psi):
+@pytest.mark.parametrize(("psi", "end"), [(0.0, None), (30.0, None), (30.0, 0.05)])
+def test_a_column_of_sand_covers_its_area_and_makes_no_energy(scene_of, psi, end):
     stages = [{"name": "collapse", "type": "dynamics", "duration": 0.25}]
-    scene = scene_of(counts=(10, 10), materials=SAND | {"dilation_angle": psi}, stages=stages)
+    scene = scene_of(counts=(10, 10), materials=SAND | {"dilation_angle": psi, "largest_dilation": end}, stages=stages)
     sim = Simulation.from_scene(scene, MPI.COMM_SELF)
     least = []
     sim.call_every(50, lambda sim: least.append(sim.ledger.entries()["internal_energy"]))
@@ -147,5 +147,8 @@ def test_a_column_of_sand_covers_its_area_and_makes_no_energy(scene_of, psi):
     if psi == 0.0:
         assert abs(volume.mean() - 1.0) < 0.03 and 0.98 < np.quantile(volume, 0.02) < np.quantile(volume, 0.9) < 1.1
         assert np.quantile(nearest, 0.05) > 0.6  # 0.3 to 0.5 where nothing keeps them apart
-    else:
+    elif end is None:
         assert volume.min() > 0.98 and volume.mean() < 2.5
+    else:  # dilated by no more than its end; and opened, as sand that does not dilate
+        assert volume.min() > 0.98 and 1.0 < volume.mean() < np.exp(end) + 0.03
+        assert 0.5 * end < sim.bonds.blocks[0].state[:, 0].max() <= end

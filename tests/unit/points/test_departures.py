@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 import periporo
+from periporo.core.points.material import UpdatesFailed
 from periporo.io.input.load import parse_scene
+from periporo.materials.elastic import Elastic
 
 
 @pytest.fixture
@@ -69,3 +71,32 @@ def test_bodies_must_begin_inside(table):
     with pytest.raises(periporo.InputError, match=r"domain.lower: the body 'block' reaches to -0.05 along x") as error:
         parse_scene(table)
     assert "domain.upper: the body 'block' reaches to 0.04 along y" in str(error.value)
+
+
+@pytest.mark.parametrize("scheme", ["point_state", "bond_projected"])
+@pytest.mark.parametrize("fate", ["keep", "remove"])
+def test_points_whose_law_fails_stay_or_are_taken_away(scene_of, tmp_path, monkeypatch, fate, scheme):
+    """Rows 3 and 4 fail in step 7: a point each, or both ends of two bonds; the ledger closes without them."""
+    advance, calls = Elastic.compute_stress, []
+
+    def forget(self, stress, strain_increment, state, dt):
+        advance(self, stress, strain_increment, state, dt)
+        calls.append(dt)
+        if len(calls) == 7:
+            raise UpdatesFailed([3, 4])
+
+    monkeypatch.setattr(Elastic, "compute_stress", forget)
+    scene = scene_of(counts=(6, 4), failed_points=fate, correspondence=scheme, output={"history_interval": 5})
+    scene["bodies"][0]["velocity"] = [0.5, 0.0]
+    with periporo.open_results(periporo.run(scene, tmp_path / "a.vtkhdf", quiet=True)) as results:
+        assert results.attributes["failed_updates"] == 2 and len(results.ids(0)) == 24
+        gone = set(results.ids(0)) - set(results.ids())
+        if fate == "keep":
+            assert not gone and "departed_points" not in results.history_names
+            return
+        assert results.history("departed_points")[-1] == len(gone)
+        assert len(gone) in ((2,) if scheme == "point_state" else (3, 4))
+        energy = results.history("departed_energy")[-1]
+        assert energy == pytest.approx(len(gone) * 1760.0 * 1e-4 * 0.5 * 0.5**2, rel=0.01)
+        unexplained = results.history("energy_residual") - results.history("integration_term")
+        assert np.abs(unexplained).max() < 1e-11 * results.history("kinetic_energy").max()

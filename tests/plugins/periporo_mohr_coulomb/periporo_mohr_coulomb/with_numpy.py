@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from periporo.materials import from_matrix, to_matrix
+from periporo.materials import OPENED, from_matrix, to_matrix
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class MohrCoulomb:
     cohesion: float
     friction_angle: float
     dilation_angle: float = 0.0
-    state_fields = ()
+    state_fields = (OPENED,)  # the program writes it: what a row expands beyond `tension_limit`
 
     def __post_init__(self):
         if not 0 < self.friction_angle < 90 or not 0 <= self.dilation_angle <= self.friction_angle:
@@ -28,7 +28,10 @@ class MohrCoulomb:
         return cls(1700.0, 25e6, 15e6, 1e3, 30.0, 10.0)
 
     def initial_state(self, stress, ids, volume):
-        return np.zeros((len(stress), 0))
+        return np.zeros((len(stress), 1))
+
+    def tension_limit(self, stress, state):
+        return np.full(len(stress), self.cohesion / np.tan(np.radians(self.friction_angle)))
 
     def elastic_moduli(self, stress, state):
         return np.full(len(stress), self.bulk_modulus), np.full(len(stress), self.shear_modulus)
