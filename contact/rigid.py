@@ -31,6 +31,10 @@ _SOON = 1.5  # reaches within which a point counts as one that may touch soon
 _OFF = 0.2  # reaches
 _MEMORY = 0.1  # strain in which a cell forgets its stretch
 _WHOLE = 1.4  # reaches up to which the lever is the distance from the surface; it is 0 at 2
+FAR = 8.0
+"""Reaches within which a surface must know how far a point is: what fast points cover before they are looked at again.
+"""
+_LOST = 1.0  # reaches behind a surface from which on a point has passed through it
 
 
 class RigidContact:
@@ -55,6 +59,7 @@ class RigidContact:
         self._time: float | None = None
         self._since = 0.0  # s, when it appeared
         self._chosen = None, None, None  # point ids, obstacle's shift, rows near it
+        self.breach: tuple[float, np.ndarray] | None = None  # how far behind the surface a point got, m, and where
 
     def attach(self, p: Particles, forces: ForceChannels) -> None:
         """Declare the stick springs (elongation, m), the cells, and the force channels.
@@ -140,6 +145,10 @@ class RigidContact:
         near = ~(gap >= _SOON * self.reach + self.skin)  # NaN is near
         rows = np.flatnonzero(near | getattr(p, self.spring).any(axis=1) | getattr(p, self.cell).any(axis=1))
         self._chosen = p.id, shift, rows
+        lost = rows[~(gap[rows] >= -_LOST * self.reach)]
+        if len(lost):
+            deepest = lost[np.argmin(np.nan_to_num(gap[lost], nan=-np.inf))]
+            self.breach = -float(gap[deepest]), p.reference_position[deepest]
         return rows
 
 

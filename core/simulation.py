@@ -22,6 +22,7 @@ from periporo.core.ranks.halo import Halo
 from periporo.core.ranks.reductions import exact_sum, maximum
 from periporo.core.watch.observers import Callback
 from periporo.core.watch.timing import Timing
+from periporo.errors import ContactError, place_text
 
 _MARGIN = 1.0 + 1e-9  # of the ghosts' reach, so that both ranks of a pair list it whatever the rounding
 _OFTEN, _SELDOM = 60, 150  # steps between rebuilds that call for a thicker, or a thinner, skin
@@ -138,6 +139,7 @@ class Simulation:
     def rebuild(self) -> None:
         """Give points to the ranks that own their places, and find ghosts and neighbours anew."""
         p = self.particles
+        self._refuse_breaches()
         self._adapt_skin()
         self.domain = self._divided()
         owner = self.domain.owner(p.position[: p.owned])
@@ -152,6 +154,19 @@ class Simulation:
         self._moved = 0.0
         self.rebuild_count += 1
         self.rebuilt_at = self.step_number
+
+    def _refuse_breaches(self) -> None:
+        """Raise ContactError, on all ranks alike, if a point has passed through an obstacle."""
+        found = [(*c.breach, c.name) for c in self.contacts if getattr(c, "breach", None) is not None]
+        breaches = [b for of_rank in self.comm.allgather(found) for b in of_rank]
+        if breaches:
+            depth, place, name = max(breaches, key=lambda b: (np.isnan(b[0]), b[0], tuple(b[1])))
+            how = "came over a hole" if np.isnan(depth) else f"got {depth:.3g} m behind its surface"
+            at = place_text(place, self.origin, 4)
+            raise ContactError(
+                f"contacts[{name}]: a point passed the obstacle, at ({at}) it {how}; give the contact more stiffness, "
+                "or the scene a domain that points leave before"
+            )
 
     def _departing(self, departures: Departures) -> np.ndarray:
         """Which owned points (owned,) leave now; their energy is booked."""

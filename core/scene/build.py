@@ -30,6 +30,7 @@ from periporo.core.scene.contacts import (
     refuse_penetration,
 )
 from periporo.core.scene.geostatic import GeostaticStress, uniform_stress
+from periporo.core.scene.grounds import share_grounds
 from periporo.core.scene.water import build_water, wetted
 from periporo.core.simulation import Simulation
 from periporo.errors import InputError, Problem
@@ -50,6 +51,7 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
     """
     origin = scene_origin(scene)
     scene = relative(scene, origin)
+    share_grounds(scene, comm)
     particles = Particles(scene.dimension)
     materials = [m.create() for m in scene.materials.values()]
     water = None if scene.pore_water is None else build_water(scene, materials)

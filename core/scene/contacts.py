@@ -7,10 +7,13 @@ import numpy as np
 from periporo.contact import surfaces
 from periporo.contact.bodies import BodiesContact
 from periporo.contact.repulsion import Repulsion
-from periporo.contact.rigid import RigidContact
+from periporo.contact.rigid import FAR, RigidContact
 from periporo.contact.short_range_published import ShortRangePublished
+from periporo.contact.terrain import HeightField, TriangleSurface
 from periporo.core.correspondence.influence import influence
 from periporo.errors import InputError, Problem, place_text
+from periporo.io.geometry.meshes import read_mesh
+from periporo.io.geometry.rasters import read_raster
 
 _TOUCH = 0.01  # spacings by which cells and obstacles may overlap when motion begins
 _SOFTER = 0.5  # stiffness of two bodies' contact over that of a layer of points
@@ -37,7 +40,8 @@ def build_contact(scene, model, number: int, sim):
         "damping": model.damping,
     }
     velocity = None if model.velocity is None else scene.vector(model.velocity)
-    return RigidContact(str(number), _surface(model), spacing=spacing, skin=sim.largest_skin, velocity=velocity, **law)
+    law |= {"spacing": spacing, "skin": sim.largest_skin, "velocity": velocity}
+    return RigidContact(str(number), _surface(model, sim), **law)
 
 
 def build_bodies_contact(scene, models, faces, sim) -> BodiesContact:
@@ -107,7 +111,7 @@ def refuse_overlaps(scene, between, sim) -> None:
     for numbers, contact in between.items():
         for first, second, overlap, place in contact.deepest_overlaps(sim.particles):
             bodies = scene.bodies[first], scene.bodies[second]
-            cloudy = any(b.shape.type == "points" for b in bodies)
+            cloudy = any(b.shape.type in ("points", "raster", "mesh") for b in bodies)
             if overlap > (_UNKNOWN if cloudy else _MEET) * scene.spacing:
                 at = place_text(place, sim.origin, 4)
                 number = _entry_of(scene, numbers, bodies)
@@ -147,7 +151,7 @@ def build_repulsion(sim) -> Repulsion:
     return Repulsion(sim.bonds.pairs, distance=distance, stiffness=stiffness, closest=closest)
 
 
-def _surface(model) -> surfaces.Surface:
+def _surface(model, sim) -> surfaces.Surface:
     match model.type:
         case "plane":
             return surfaces.Plane(model.point, model.normal)
@@ -159,6 +163,13 @@ def _surface(model) -> surfaces.Surface:
             return surfaces.Cylinder(model.base, "xyz".index(model.axis), model.radius, model.height)
         case "polyline":
             return surfaces.Polyline(model.vertices)
+        case "terrain":
+            reach, ground = 0.5 * sim.spacing, model.ground
+            near = {"reach": reach, "within": FAR * reach}
+            if ground.is_mesh:
+                return TriangleSurface(read_mesh(ground.file, ground._origin).tree, **near)
+            raster = read_raster(ground)
+            return HeightField(raster.level, raster.corner, raster.cell, **near)
         case other:
             raise ValueError(f"no surface for a contact of type '{other}'")
 

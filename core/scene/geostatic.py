@@ -11,8 +11,9 @@ import numpy as np
 from periporo.core.numerics.tensors import INDEX_PAIRS, component_count
 from periporo.core.water.pore_water import PoreWater
 from periporo.io.geometry.lattice import Lattice
+from periporo.io.geometry.layers import layer_of
 from periporo.io.geometry.shapes import inside_polygon
-from periporo.io.schema.bodies import Box, Cylinder, Disc, Points, Polygon, Sphere
+from periporo.io.schema.bodies import Box, Cylinder, Disc, Mesh, Points, Polygon, Raster, Sphere
 
 Spans = list[tuple[np.ndarray, np.ndarray]]
 
@@ -90,7 +91,7 @@ class _Profile:
         edges = [above for above, _ in lattice.layers]
         materials = [lattice.material, *(m for _, m in lattice.layers)]
         self._layers = list(zip([-np.inf, *edges], [*edges, np.inf], materials, strict=True))
-        if isinstance(lattice.body.shape, Points):
+        if isinstance(lattice.body.shape, Points | Mesh):
             self._columns = _Columns(lattice, up)
 
     def mass_below(self, level):
@@ -121,8 +122,10 @@ class _Profile:
                 return [_cylinder(position, up, shape, self._lattice.lower, self._lattice.upper)]
             case Polygon():
                 return _polygon(position, up, shape)
-            case Points():
+            case Points() | Mesh():
                 return [self._columns.span(position)]
+            case Raster():
+                return [_layer(position, layer_of(shape))]
 
 
 def _along(position, direction):
@@ -160,6 +163,13 @@ def _cylinder(position, up, shape, lower, upper):
         return np.where(outside, np.inf, begin), np.where(outside, -np.inf, end)
     first, last = _round(across, direction / length, shape.radius)
     return np.maximum(begin, first / length), np.minimum(end, last / length)
+
+
+def _layer(position, layer):
+    base, thickness = layer.ground.at(position), layer.thickness(position)
+    below, above = base - position[:, 2], base + thickness - position[:, 2]
+    misses = ~(thickness > 0.0) | np.isnan(base)
+    return np.where(misses, np.inf, below), np.where(misses, -np.inf, above)
 
 
 def _polygon(position, up, shape) -> Spans:

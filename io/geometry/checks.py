@@ -6,9 +6,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from periporo.errors import Problem, place_text
+from periporo.io.geometry.files import file_problems, ground_problems
 from periporo.io.geometry.lattice import CHUNK, Lattice, build_lattices
 from periporo.io.geometry.origin import relative, scene_origin
-from periporo.io.geometry.points import PointFileError, read_points
 from periporo.io.schema.base import MAX_LENGTH
 from periporo.io.schema.bodies import Points
 from periporo.io.schema.scene import SceneInput
@@ -18,13 +18,13 @@ MAX_SITES = 2 * 10**9
 
 def geometry_problems(scene: SceneInput) -> Iterator[Problem]:
     """Bodies that are too small, too large, empty, or that overlap."""
-    try:
-        origin = scene_origin(scene)
-        lattices = build_lattices(relative(scene, origin))
-    except PointFileError:
-        yield from _file_problems(scene)
+    unusable = list(file_problems(scene))
+    if unusable:
+        yield from unusable
         return
-
+    origin = scene_origin(scene)
+    local = relative(scene, origin)
+    lattices = build_lattices(local)
     problems = {k: message for k, lattice in enumerate(lattices) if (message := _size_problem(lattice, origin))}
     for k, message in problems.items():
         yield Problem(("bodies", k, "shape"), message)
@@ -34,6 +34,7 @@ def geometry_problems(scene: SceneInput) -> Iterator[Problem]:
     if problems or total > MAX_SITES:
         return
     yield from _domain_problems(scene, lattices, origin)
+    yield from ground_problems(local, lattices, origin)
     touching = scene.touching_bodies()  # by their faces, wherever their points are
     for k, second in enumerate(lattices):
         others = [first for first in lattices[:k] if {first.body.name, second.body.name} not in touching]
@@ -61,15 +62,6 @@ def _domain_problems(scene: SceneInput, lattices: list[Lattice], origin: np.ndar
                 reach = f"reaches to {sign * ends[k]:.6g} along {'xyz'[a]}"
                 message = f"the body '{lattices[k].body.name}' {reach}; make the domain larger"
                 yield Problem(("domain", name), message)
-
-
-def _file_problems(scene: SceneInput) -> Iterator[Problem]:
-    for k, body in enumerate(scene.bodies):
-        if isinstance(body.shape, Points):
-            try:
-                read_points(body.shape.file, scene.dimension)
-            except PointFileError as error:
-                yield Problem(("bodies", k, "shape", "file"), str(error))
 
 
 def _size_problem(lattice: Lattice, origin: np.ndarray) -> str | None:

@@ -6,7 +6,7 @@ between bodies acts on the faces of the shape, not on the steps.
 
 import numpy as np
 
-from periporo.io.schema.bodies import Box, Cylinder, Disc, Points, Polygon, Shape, Sphere
+from periporo.io.schema.bodies import Box, Cylinder, Disc, Mesh, Points, Polygon, Raster, Shape, Sphere
 
 _SAME = 0.9  # cosine between normals of faces that are one
 
@@ -14,10 +14,11 @@ _SAME = 0.9  # cosine between normals of faces that are one
 def find_faces(shape: Shape, position: np.ndarray, most: int, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """Depths (n, most) m below the nearest faces within `reach` m, and their outward normals (n, most, d).
 
-    The nearest comes first; zero where there is none. Points from a file have no shape, hence no faces.
+    The nearest comes first; zero where there is none. Points from a file have no shape, hence no
+    faces, and what rasters and triangles bound has too many.
     """
     depths, normals = np.full((len(position), most), np.inf), np.zeros((len(position), most, position.shape[1]))
-    if not isinstance(shape, Points) and len(position):
+    if not isinstance(shape, Points | Raster | Mesh) and len(position):
         candidates = _candidates(shape, position, reach * (1.0 - 1e-6))
         for k in range(most):
             _take_nearest(candidates, depths, normals, k)

@@ -14,9 +14,10 @@ from functools import cached_property
 import numpy as np
 
 from periporo.core.numerics.random_numbers import uniform
+from periporo.io.geometry.layers import Layer, layer_of
 from periporo.io.geometry.points import PointTable
 from periporo.io.geometry.shapes import bounds, holds, inside, table
-from periporo.io.schema.bodies import Body, Box, Cylinder, Disc, Points, Sphere
+from periporo.io.schema.bodies import Body, Box, Cylinder, Disc, Points, Raster, Sphere
 from periporo.io.schema.scene import SceneInput
 
 CHUNK = 2**17  # sites looked at in one go
@@ -61,6 +62,10 @@ class Lattice:
 
     @property
     def _own_counts(self):
+        if self._columns is not None:
+            across = (self.upper - self.lower)[:2]
+            highest = max(1, round(self._columns.thickest / self.spacing))
+            return *(max(1, round(float(side) / self.spacing)) for side in across), highest
         return tuple(max(1, round(float(side) / self.spacing)) for side in self.upper - self.lower)
 
     @property
@@ -82,6 +87,8 @@ class Lattice:
             x, edge = self._table.positions, self.tolerance
             return self._points(np.flatnonzero(((x >= lower - edge) & (x <= upper + edge)).all(axis=1)))
         first, last = (cells - self._first_cell for cells in self._cells_within(lower, upper))
+        if self._columns is not None:
+            first[2], last[2] = 0, self.counts[2]
         ranges = [
             np.arange(max(low, 0), min(high + 1, n), dtype=np.int64)
             for low, high, n in zip(first, last, self.counts, strict=True)
@@ -89,7 +96,12 @@ class Lattice:
         index = np.zeros((1,), dtype=np.int64)
         for cells, n in zip(ranges, self.counts, strict=True):
             index = (index[:, None] * n + cells).ravel()
-        return self._points(index)
+        sites = self._points(index)
+        if self._columns is None:
+            return sites
+        z, edge = sites[1][:, 2], self.tolerance
+        mine = (z >= lower[2] - edge) & (z <= upper[2] + edge)
+        return sites[0][mine], sites[1][mine], sites[2][mine], sites[3][mine]
 
     def chunks(self) -> Iterator[Sites]:
         """All points in pieces."""
@@ -98,12 +110,21 @@ class Lattice:
 
     def centres(self, cells: np.ndarray) -> np.ndarray:
         """Positions (n, d) m of the middles of `cells` (n, d), where points stand without jitter."""
-        return self._origin + (cells + self._first_cell + 0.5) * self.spacing
+        return self._placed(cells)[0]
 
     @cached_property
     def _table(self) -> PointTable | None:
         shape = self.body.shape
         return table(shape, self.dimension) if isinstance(shape, Points) else None
+
+    @cached_property
+    def _layer(self) -> Layer | None:
+        return layer_of(self.body.shape) if isinstance(self.body.shape, Raster) else None
+
+    @cached_property
+    def _columns(self) -> Layer | None:
+        """The layer whose ground each column of points begins on, if one does."""
+        return self._layer if self._layer is not None and self._layer.conform else None
 
     def _cells_within(self, lower, upper):
         """First and last cells (d,) along each axis, counted from `_origin`, whose centres lie between two corners."""
@@ -141,8 +162,7 @@ class Lattice:
             if self._table.volumes is not None:
                 volumes = self._table.volumes[index]
         else:
-            positions = self.centres(np.stack(np.unravel_index(index, self.counts), axis=1))
-            mine = self._owns(positions)
+            positions, mine = self._placed(np.stack(np.unravel_index(index, self.counts), axis=1))
             index, positions, volumes = index[mine], positions[mine], volumes[mine]
         materials = self._materials_at(positions)
         ids = index + self.first_id
@@ -150,6 +170,23 @@ class Lattice:
             shift = 2.0 * uniform(ids, self.dimension, self._seed) - 1.0
             positions = positions + self.body.jitter * self.spacing * shift
         return ids, positions, volumes, materials
+
+    def _placed(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Places (n, d) m of the middles of `cells` (n, d), and which of them hold points of the body (n,)."""
+        positions = self._origin + (cells + self._first_cell + 0.5) * self.spacing
+        if self._columns is None:
+            return positions, self._owns(positions)
+        return positions, self._stand(self._columns, positions, cells[:, 2])
+
+    def _stand(self, layer: Layer, positions: np.ndarray, row: np.ndarray) -> np.ndarray:
+        """Set points (n, 3) on the ground of a layer, the `row`-th (n,) of its column each; which there are, (n,)."""
+        new = (np.diff(positions[:, :2], axis=0, prepend=np.nan) != 0.0).any(axis=1)
+        begins = np.flatnonzero(new)
+        column = np.repeat(np.arange(len(begins)), np.diff([*begins, len(positions)]))
+        places = positions[begins]
+        rows = np.rint(layer.thickness(places) / self.spacing)
+        positions[:, 2] = layer.foot(places, self.spacing)[column] + row * self.spacing
+        return row < rows[column]
 
     def contested(self, other: "Lattice", lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
         """Places (n, d) of the sites between two corners that both bodies hold, not only on a common edge."""
@@ -162,6 +199,8 @@ class Lattice:
     def _owns(self, positions: np.ndarray) -> np.ndarray:
         """Which of the body's cells with centres at `positions` (n, d) are its own, (n,) bool."""
         mine = inside(self.body.shape, positions)
+        if self._layer is not None:  # cells that cut the ground are no places to stand
+            mine[mine] &= positions[mine, 2] >= self._layer.foot(positions[mine], self.spacing) - self.tolerance
         if len(self.company) == 1:
             return mine
         lost = ~mine & holds(self.body.shape, positions, self.tolerance)  # on an edge, and perhaps in no body
@@ -205,7 +244,8 @@ def _companies(scene: SceneInput) -> list[int]:
     first = list(range(len(scene.bodies)))
     corners = [bounds(body.shape, scene.dimension) for body in scene.bodies]
     for k, body in enumerate(scene.bodies):
-        if body.lattice == "own" or body.name in touching or isinstance(body.shape, Points):
+        stands = isinstance(body.shape, Raster) and body.shape.conform
+        if body.lattice == "own" or body.name in touching or isinstance(body.shape, Points) or stands:
             corners[k] = np.full(scene.dimension, np.inf), np.full(scene.dimension, -np.inf)
         lower, upper = corners[k]
         for j in range(k):

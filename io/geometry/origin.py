@@ -12,7 +12,6 @@ import numpy as np
 from periporo.io.geometry.points import counted_from
 from periporo.io.geometry.shapes import bounds
 from periporo.io.schema.base import History, SceneModel
-from periporo.io.schema.bodies import Points
 from periporo.io.schema.scene import SceneInput
 
 _NEAR = 100.0  # sizes of the scene
@@ -64,7 +63,7 @@ def _moved(value: Any, origin: list[float], level: float) -> Any:
             case _:
                 changed[name] = _moved(before, origin, level)
     copy = value.model_copy(update=changed)
-    if isinstance(copy, Points):
+    if hasattr(copy, "_origin"):
         copy._origin = tuple(origin)
     return copy
 

@@ -61,7 +61,7 @@ def counted_from(value, origin):
     if np.ndim(value) == 0:
         return round(value - origin, _decimals(value, origin)) if origin else value
     columns = zip(value.T, origin, strict=True)
-    return np.stack([np.round(x - o, _decimals(np.abs(x).max(), o)) if o else x for x, o in columns], axis=1)
+    return np.stack([np.round(x - o, _decimals(np.nanmax(np.abs(x)), o)) if o else x for x, o in columns], axis=1)
 
 
 def _decimals(*values) -> int:

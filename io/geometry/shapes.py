@@ -2,8 +2,12 @@
 
 import numpy as np
 
+from periporo.core.numerics.meshes import mesh_gap
+from periporo.io.geometry.layers import layer_of
+from periporo.io.geometry.meshes import Mesh as Surface
+from periporo.io.geometry.meshes import read_mesh
 from periporo.io.geometry.points import PointTable, read_points
-from periporo.io.schema.bodies import Box, Cylinder, Disc, Points, Polygon, Shape, Sphere
+from periporo.io.schema.bodies import Box, Cylinder, Disc, Mesh, Points, Polygon, Raster, Shape, Sphere
 
 
 def table(shape: Points, dimension: int) -> PointTable:
@@ -11,8 +15,13 @@ def table(shape: Points, dimension: int) -> PointTable:
     return read_points(shape.file, dimension, shape._origin)
 
 
+def surface(shape: Mesh) -> Surface:
+    """The closed surface around a shape from a file. Raises GroundFileError."""
+    return read_mesh(shape.file, shape._origin, closed=True)
+
+
 def bounds(shape: Shape, dimension: int) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper corner (d,) m of the box around a shape. Raises PointFileError."""
+    """Lower and upper corner (d,) m of the box around a shape. Raises PointFileError, GroundFileError."""
     match shape:
         case Box():
             return np.array(shape.lower), np.array(shape.upper)
@@ -31,6 +40,11 @@ def bounds(shape: Shape, dimension: int) -> tuple[np.ndarray, np.ndarray]:
         case Points():
             positions = table(shape, dimension).positions
             return positions.min(axis=0), positions.max(axis=0)
+        case Raster():
+            return layer_of(shape).bounds
+        case Mesh():
+            corners = surface(shape).tree.corners
+            return corners.min(axis=0), corners.max(axis=0)
 
 
 def inside(shape: Shape, positions: np.ndarray) -> np.ndarray:
@@ -43,6 +57,12 @@ def inside(shape: Shape, positions: np.ndarray) -> np.ndarray:
             return np.sum((positions - shape.base)[:, across] ** 2, axis=1) <= shape.radius**2
         case Polygon():
             return inside_polygon(np.array(shape.vertices), positions)
+        case Raster():
+            layer = layer_of(shape)
+            above = positions[:, 2] - layer.ground.at(positions)
+            return (above >= 0.0) & (above <= layer.thickness(positions))
+        case Mesh():
+            return surface(shape).inside(positions)
         case _:
             return np.ones(len(positions), dtype=bool)
 
@@ -63,6 +83,14 @@ def holds(shape: Shape, positions: np.ndarray, margin: float) -> np.ndarray:
             edge = near_polygon(corners, positions, abs(margin))
             return within & ((inside_polygon(corners, positions) | edge) if margin > 0.0 else
                              inside_polygon(corners, positions) & ~edge)  # fmt: skip
+        case Raster():
+            layer = layer_of(shape)
+            above = positions[:, 2] - layer.ground.at(positions)
+            return within & (above >= -margin) & (above <= layer.thickness(positions) + margin)
+        case Mesh():
+            edge = _near_mesh(surface(shape), positions, abs(margin))
+            held = inside(shape, positions)
+            return within & ((held | edge) if margin > 0.0 else held & ~edge)
         case _:
             return within
 
@@ -86,3 +114,14 @@ def near_polygon(corners: np.ndarray, positions: np.ndarray, distance: float) ->
         share = np.clip((relative * edge).sum(axis=1) / (edge**2).sum(), 0.0, 1.0)
         near |= ((relative - share[:, None] * edge) ** 2).sum(axis=1) <= distance**2
     return near
+
+
+def _near_mesh(mesh: Surface, positions: np.ndarray, distance: float) -> np.ndarray:
+    """Which of `positions` (n, 3) lie within `distance` m of a surface of triangles."""
+    gap, normal = np.empty(len(positions)), np.empty((len(positions), 3))
+    tree = mesh.tree
+    mesh_gap(
+        tree.corners, tree.triangles, tree.borders, tree.lower, tree.upper, np.ascontiguousarray(positions), distance,
+        distance, gap, normal,
+    )  # fmt: skip
+    return np.isfinite(gap)

@@ -8,14 +8,14 @@ from pydantic import BaseModel
 from periporo.errors import Path, Problem, choice
 from periporo.io.geometry.checks import geometry_problems
 from periporo.io.schema.base import MotionComponents, Region, SceneModel
-from periporo.io.schema.bodies import Body, Polygon, StressComponents
-from periporo.io.schema.contacts import Boundary, Traction
+from periporo.io.schema.bodies import Body, Polygon, Raster, StressComponents
+from periporo.io.schema.contacts import Boundary, TerrainContact, Traction
 from periporo.io.schema.errors import model_problems
 from periporo.io.schema.scene import POINT_SCHEMES, SceneInput
 from periporo.materials import registry
 
 _ONLY_IN_2D = ("disc", "polyline")
-_ONLY_IN_3D = ("cylinder", "sphere")
+_ONLY_IN_3D = ("cylinder", "sphere", "raster", "mesh", "terrain")
 
 
 def material_problems(data: Any) -> list[Problem]:
@@ -165,8 +165,14 @@ def _references(scene: SceneInput, bodies: list[str], stages: list[str]) -> Iter
 
 
 def _gravity_problems(scene: SceneInput) -> Iterator[Problem]:
-    """What needs a direction of gravity in a scene without one."""
-    if any(scene.gravity or ()):
+    """What needs a direction of gravity in a scene without one, or the direction of z."""
+    gravity = scene.gravity or ()
+    if any(gravity):
+        if any(gravity[:2]) or any(g > 0.0 for g in gravity[2:]):
+            for path, part in _parts(scene):
+                if isinstance(part, Raster | TerrainContact):
+                    message = "rasters and terrains need gravity against z, [0, 0, -g]: heights are along z"
+                    yield Problem((*path, "type"), message)
         return
     for path, part in _parts(scene):
         if getattr(part, "type", None) == "geostatic":

@@ -17,6 +17,12 @@ def example_texts() -> dict[str, str]:
     return {Path(f.name).stem: f.read_text(encoding="utf-8") for f in files if f.name.endswith(".yaml")}
 
 
+def files_of(name: str) -> list[str]:
+    """Names of the files that an example needs beside it."""
+    text = example_texts()[name]
+    return [f.name for f in resources.files("periporo.configs").iterdir() if f.name.endswith(".asc") and f.name in text]
+
+
 def describe_examples() -> str:
     """A line for each example: name, dimensions, laws, title."""
     lines = []
@@ -28,9 +34,9 @@ def describe_examples() -> str:
 
 
 def write_example(name: str, path: Path | None = None) -> Path:
-    """Write an example to `path`, by default NAME.yaml in the working folder; the file written.
+    """Write an example to `path`, by default NAME.yaml in the working folder, and what it needs beside it; the path.
 
-    Raises OutputError if the file exists, OSError if it cannot be written.
+    Raises OutputError if the file exists, or another one of the name of what it needs, OSError if it cannot be written.
     """
     path = Path(f"{name}.yaml") if path is None else path
     try:
@@ -39,6 +45,12 @@ def write_example(name: str, path: Path | None = None) -> Path:
     except FileExistsError:
         message = f"{path} exists and is left as it is; name another file: periporo new {name} OTHER.yaml"
         raise OutputError(message) from None
+    for needed in files_of(name):
+        content = resources.files("periporo.configs").joinpath(needed).read_text(encoding="utf-8")
+        beside = path.parent / needed
+        if beside.exists() and beside.read_text(encoding="utf-8") != content:
+            raise OutputError(f"{beside}, which {path} needs, exists with another content and is left as it is")
+        beside.write_text(content, encoding="utf-8")
     return path
 
 

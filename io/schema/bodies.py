@@ -1,15 +1,14 @@
 """Input models of materials, shapes, bodies and the stress that they start with."""
 
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field, PrivateAttr, ValidationInfo, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
 from periporo.io.schema.base import (
     MAX_LENGTH,
     Axis,
     Coordinate,
-    FileName,
+    Flag,
     Name,
     Position,
     Pressure,
@@ -18,24 +17,9 @@ from periporo.io.schema.base import (
     Velocity,
     key,
 )
+from periporo.io.schema.files import ExistingFile
+from periporo.io.schema.ground import Heights, MeshName, Values
 from periporo.materials import registry
-
-
-def _existing_file(name: Any, info: ValidationInfo) -> Any:
-    """The absolute path of a file that a scene names relative to its own folder."""
-    if not isinstance(name, str) or not name.isprintable() or not name:
-        return name  # for the next validator to refuse
-    path = Path((info.context or {}).get("folder", "."), name)
-    try:
-        found = path.is_file()
-    except OSError as error:
-        raise ValueError(f"the file cannot be read: {error.strerror}") from None
-    if not found:
-        raise ValueError(f"there is no regular file {path}")
-    return str(path.resolve())
-
-
-ExistingFile = Annotated[FileName, Field(max_length=4096), BeforeValidator(_existing_file)]
 
 
 class MaterialInput(SceneModel):
@@ -120,7 +104,35 @@ class Points(SceneModel):
     """What the coordinates in the file are counted from, see `io.geometry.origin`; m."""
 
 
-Shape = Annotated[Box | Disc | Cylinder | Sphere | Polygon | Points, Field(discriminator="type")]
+class Raster(SceneModel):
+    """Soil between a ground and its own surface, both of them rasters (3D); gravity acts along z."""
+
+    type: Literal["raster"] = key("shape")
+    ground: Heights = key("heights of what it lies on", "m")
+    thickness: Values | None = key("height above the ground; none where there is no value", "m", default=None)
+    surface: Heights | None = key("heights of its surface, in place of thickness", "m", default=None)
+    conform: Flag = key(
+        "begin each column of points on the ground, so that the lattice follows the slope; else the lattice is level, "
+        "and points whose cells cut the ground are left out",
+        default=True,
+    )
+
+    @model_validator(mode="after")
+    def _has_a_top(self):
+        if (self.thickness is None) == (self.surface is None):
+            raise ValueError("give either thickness or surface")
+        return self
+
+
+class Mesh(SceneModel):
+    """The inside of a closed surface of triangles (3D), from a file: .stl, .ply or .obj (needs trimesh)."""
+
+    type: Literal["mesh"] = key("shape")
+    file: MeshName = key("file name, relative to the scene's folder")
+    _origin: tuple[float, ...] = PrivateAttr(default=())
+
+
+Shape = Annotated[Box | Disc | Cylinder | Sphere | Polygon | Points | Raster | Mesh, Field(discriminator="type")]
 
 
 class Layer(SceneModel):

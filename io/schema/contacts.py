@@ -19,6 +19,7 @@ from periporo.io.schema.base import (
     key,
 )
 from periporo.io.schema.bodies import PlanePoint
+from periporo.io.schema.ground import Ground
 
 MAX_STIFFNESS = 1e20
 
@@ -131,6 +132,17 @@ class PolylineContact(_Obstacle):
         return self
 
 
+class TerrainContact(_Obstacle):
+    """Rigid ground from a raster of heights, or a surface of triangles (3D).
+
+    A raster goes on beyond its border with the heights of its border. The outside of an open surface of triangles is
+    where its upward side is, against gravity; that of a closed one is outside.
+    """
+
+    type: Literal["terrain"] = key("kind of contact")
+    ground: Ground = key("the file, or {file, ...}", "m")
+
+
 class BodiesContact(_Contact):
     """Contact between two deformable bodies, or between all of them; they then bond with no other body.
 
@@ -183,6 +195,7 @@ Contact = Annotated[
     | CylinderContact
     | DiscContact
     | PolylineContact
+    | TerrainContact
     | BodiesContact
     | ShortRangeContact,
     Field(discriminator="type"),

@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import model_validator
 
 from periporo.io.schema.base import Coordinate, Flag, Motion, Real, SceneModel, key
-from periporo.io.schema.bodies import ExistingFile
+from periporo.io.schema.files import ExistingFile
 
 
 class VanGenuchten(SceneModel):

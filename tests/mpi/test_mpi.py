@@ -12,6 +12,7 @@ import yaml
 from periporo.core.scene.build import SCHEMES
 
 HERE = Path(__file__).parent
+CONFIGS = HERE.parents[1] / "configs"
 CLI = ("-m", "periporo.core.cli")
 
 SOFT_CLAY = {
@@ -70,6 +71,20 @@ def two_soils():
     }  # fmt: skip
 
 
+def landslide():
+    """Debris slides down natural ground that all ranks share."""
+    ground, release = (str(CONFIGS / name) for name in ("mountain.asc", "mountain_release.asc"))
+    return {
+        "dimension": 3, "spacing": 30.0, "gravity": [0.0, 0.0, -9.81],
+        "materials": {"debris": SAND | {"density": 2000.0, "bulk_modulus": 5e7, "shear_modulus": 2e7}},
+        "bodies": [{"name": "slide", "material": "debris",
+                    "shape": {"type": "raster", "ground": ground, "thickness": release}}],
+        "contacts": [{"type": "terrain", "ground": ground, "friction": 0.1}],
+        "stages": [{"name": "slide", "type": "dynamics", "duration": 8.0}],
+        "output": {"interval": 2.0},
+    }  # fmt: skip
+
+
 OTHERS = [name for name in SCHEMES if name != "bond_projected"]
 OTHERS += [{"scheme": "point_state", "sharpened": True, "regular": True}, {"scheme": "bond_projected", "balance": True},
             {"scheme": "point_state", "sharpened": True, "balance": True}]  # fmt: skip
@@ -83,7 +98,7 @@ def simulated(mpirun, tmp_path_factory, scene_of):
                    time_step={"fixed": 2e-5})  # fmt: skip
     cases = [(scene.__name__, scene(), (1, 2, 3, 4)) for scene in MOVING]
     cases += [(f"scheme{k}", collapse(scheme, duration=0.02), (1, 3)) for k, scheme in enumerate(OTHERS)]
-    cases += [("few", few, (1, 5))]
+    cases += [("few", few, (1, 5)), ("landslide", landslide(), (1, 3))]
     parent, files = tmp_path_factory.mktemp("simulated"), {}
     for ranks in (1, 2, 3, 4, 5):
         for name, scene, numbers in cases:
@@ -101,6 +116,12 @@ def attributes(path):
     """What a run says of itself."""
     with h5py.File(path) as file:
         return dict(file["Run"].attrs)
+
+
+def test_ground_that_ranks_share_gives_the_same_bits(simulated, datasets, assert_same_bits):
+    one = datasets(simulated[1, "landslide"])
+    assert len(one["VTKHDF/Steps/Values"]) >= 5 and not np.isnan(one["VTKHDF/Points"]).any()
+    assert_same_bits(one, datasets(simulated[3, "landslide"]))
 
 
 @pytest.mark.parametrize("scene", MOVING, ids=lambda s: s.__name__)

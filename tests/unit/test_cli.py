@@ -17,6 +17,7 @@ from periporo.core import cli
 from periporo.core.numerics import jit
 from periporo.core.simulation import Simulation
 from periporo.errors import SCREEN_LINES, SCREEN_WIDTH
+from periporo.io.input.examples import write_example
 from periporo.io.input.load import parse_scene
 
 
@@ -367,6 +368,8 @@ def test_damaged_scenes_are_refused_or_valid_but_never_crash(call, tmp_path, mon
 
     monkeypatch.setattr(Simulation, "start", stop)
     original = yaml.safe_load((resources.files("periporo.configs") / config).read_text())
+    write_example(config.removesuffix(".yaml"), tmp_path / "scene.yaml")  # with the files that it needs
+    left = [path.name for path in tmp_path.iterdir()]
     draw, refused = random.Random(config), 0
     for _ in range(100):
         (tmp_path / "scene.yaml").write_text(yaml.safe_dump(mutated(original, draw), allow_unicode=True))
@@ -375,7 +378,7 @@ def test_damaged_scenes_are_refused_or_valid_but_never_crash(call, tmp_path, mon
         except Accepted:
             continue
         refused += 1
-        assert_refused(result, tmp_path, "problem")
+        assert_refused(result, tmp_path, "problem", left=left)
         assert "pydantic" not in result[2]
     assert refused > 60
 

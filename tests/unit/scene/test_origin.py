@@ -14,8 +14,10 @@ from periporo.io.input.load import parse_scene
 from periporo.io.schema.base import SceneModel
 
 FAR = np.array([500_000.0, 4_000_000.0])
-LENGTHS = {"spacing", "radius", "height", "displacement"}
+LENGTHS = {"spacing", "radius", "height", "displacement", "thickness"}
 """Keys in metres that are no places."""
+FILES = {"ground", "surface", "corner", "cell"}
+"""Those of rasters, which move when they are read."""
 
 
 def subclasses(kind):
@@ -29,7 +31,7 @@ def test_every_key_in_metres_says_whether_it_is_a_place():
     extras = {(m.__name__, name): info.json_schema_extra or {} for m, name, info in keys}
     metres = {key: extra.get("place") for key, extra in extras.items() if extra.get("unit") == "m"}
     assert len(metres) > 20
-    assert {name for (_, name), place in metres.items() if place is None} <= LENGTHS
+    assert {name for (_, name), place in metres.items() if place is None} <= LENGTHS | FILES
     assert {name for (_, name), place in metres.items() if place is not None}.isdisjoint(LENGTHS)
 
 
