@@ -11,7 +11,7 @@ from periporo.materials.arena.variability import strength_factors
 
 from . import option_parser
 
-MODULUS, MODULUS, REFERENCE_VOLUME, VOLUME, SEED = 4.0, 1e-3, 1e-6, 1
+MODULUS, REFERENCE_VOLUME, VOLUME, SEED = 4.0, 1e-3, 1e-6, 1
 SIDE, REACH = 120, 2  # points per side of a square grid, and how many points a bond spans at most
 
 

@@ -161,7 +161,8 @@ class PointState(Standard):
         for block in flowing:
             regularity.describe(block, p, self._dt, viscous=not self._is_quasi_static)
         halo.update(p, "link", "flow", "flow_stress")
-        regularity.exchange(p, bonds.pairs, flowing, self._dt)
+        exchanging = [block for block in flowing if getattr(block.material, "exchanges_stress", False)]
+        regularity.exchange(p, bonds.pairs, exchanging, self._dt)
         self._ends_are_known = True
 
     def rearrange(self, particles, motions) -> None:

@@ -69,7 +69,7 @@ def describe(block, p, dt: float, viscous: bool) -> None:
 def exchange(p, pairs, blocks, dt: float) -> None:
     """Exchange stress between neighbours, and find the ways by which points move apart before the next step.
 
-    `blocks` are those of laws that tell their limit of tension: their stress is all that they remember of it.
+    `blocks` are those of laws that exchange stress, for it is all that they remember.
     """
     stress, mean = np.zeros_like(p.flow_stress), np.zeros(p.total)
     p.rearrangement[:] = p.exchanged_strain[:] = 0.0
