@@ -10,6 +10,7 @@ The time is that of the material's part of the step, divided by the active rows;
 import numpy as np
 from mpi4py import MPI
 
+from periporo.core.loads.boundary import Motion
 from periporo.core.scene.build import build
 from periporo.io.input.load import parse_scene
 
@@ -27,7 +28,7 @@ CASES = {
 }
 
 
-class UniformMotion:
+class UniformMotion(Motion):
     """Prescribes the velocity gradient `gradient` (1/s) of all points about the origin."""
 
     def __init__(self):

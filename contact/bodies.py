@@ -31,6 +31,7 @@ from periporo.errors import ContactError
 _ALONG = 0.5  # stiffness along a face over that along its normal
 _SOON = 0.5  # spacings of a gap within which a pair counts as one that may touch soon
 _OPPOSITE = 0.6  # t up to which the overlap of a pair is one of the bodies, not of a point with a corner
+_HASTE = 1.5  # times the present speed, which points may reach before they are looked at again
 _TOUCH = 1e-9  # spacings of an overlap that presses
 _MOST = 0.5  # spacings by which bodies may overlap when their contact appears in the course of a run
 
@@ -125,15 +126,21 @@ class BodiesContact:
             )  # fmt: skip
         self.faces.spread(p, p.contact_force, p.friction_force)
 
-    def add_stiffness(self, p: Particles, time: float, stiffness: np.ndarray) -> None:
+    def add_stiffness(self, p: Particles, time: float, ahead: float, stiffness: np.ndarray) -> None:
         """Add the contact's stiffness (N/m) to `stiffness` (owned,) of the points that may touch."""
         self._look(p)
         _add_stiffness(
-            self._ends[0], self._ends[1], p.owned, p.body, p.position, p.face, self._sim.spacing, self.stiffness,
-            stiffness, p.dim,
+            self._ends[0], self._ends[1], p.owned, p.body, p.position, p.velocity, ahead, p.face, self._sim.spacing,
+            self.stiffness, stiffness, p.dim,
         )  # fmt: skip
 
-    def resist(self, p: Particles, time: float, dt: float, force: np.ndarray, moment: np.ndarray) -> None:
+    def will_push(self, p: Particles, time: float, until: float) -> bool:
+        """Nothing that moves by itself."""
+        return False
+
+    def resist(
+        self, p: Particles, time: float, ahead: float, dt: float, force: np.ndarray, moment: np.ndarray
+    ) -> None:
         """Add to `force` (total, d) what pairs that may touch soon hold against a motion with `velocity` for `dt`."""
         self._look(p)
         if not self._present:
@@ -224,13 +231,17 @@ def _find_overlaps(first, second, body, position, face, spacing, pairs, least, d
 
 
 @kernel
-def _add_stiffness(first, second, owned, body, position, face, spacing, stiffness, total, dim):
+def _add_stiffness(
+    first, second, owned, body, position, velocity, ahead, face, spacing, stiffness, total, dim
+):
     d = len(dim)
     xi, slope, arm, turn = np.zeros(d), np.zeros(d), np.zeros(2 * d), np.zeros(2 * d * d)
     for b in range(first.shape[0]):
         i, j = first[b], second[b]
-        gap = find_gap(position, face, i, j, spacing, xi, slope, arm, turn, d)
-        if not gap < _SOON * spacing:
+        gap, approach = find_gap(position, face, i, j, spacing, xi, slope, arm, turn, d), 0.0
+        for a in range(d):
+            approach += slope[a] * (velocity[i, a] - velocity[j, a])
+        if not gap < max(_SOON * spacing, _HASTE * ahead * approach):
             continue
         weight, _ = weigh(xi, gap, face[i, 1] + face[j, 1], spacing, d)
         k = 2.0 * stiffness[body[i], body[j]] * face[i, 0] * face[j, 0] * weight

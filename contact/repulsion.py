@@ -43,10 +43,14 @@ class Repulsion:
             self.stiffness, p.contact_force, p.dim,
         )  # fmt: skip
 
-    def add_stiffness(self, p: Particles, time: float, stiffness) -> None:
+    def add_stiffness(self, p: Particles, time: float, ahead: float, stiffness) -> None:
         """Nothing: the spring is too soft to matter for the time step."""
 
-    def resist(self, p: Particles, time: float, dt: float, force, moment) -> None:
+    def will_push(self, p: Particles, time: float, until: float) -> bool:
+        """Nothing that moves by itself."""
+        return False
+
+    def resist(self, p: Particles, time: float, ahead: float, dt: float, force, moment) -> None:
         """Nothing, as above."""
 
 

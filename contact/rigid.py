@@ -27,6 +27,8 @@ from periporo.core.points.faces import add_face_force, face_velocity
 from periporo.core.points.forces import CONTACT, RECOVERY, ForceChannels
 from periporo.core.points.particles import Field, Particles
 
+_LOOKS = 100  # along the way of an obstacle
+_HASTE = 1.5  # times the present speed, which points may reach before they are looked at again
 _SOON = 1.5  # reaches within which a point counts as one that may touch soon
 _OFF = 0.2  # reaches
 _MEMORY = 0.1  # strain in which a cell forgets its stretch
@@ -98,25 +100,32 @@ class RigidContact:
             p.contact_force, p.contact_moment, p.friction_force, p.friction_moment, p.work, p.dim,
         )  # fmt: skip
 
-    def add_stiffness(self, p: Particles, time: float, stiffness: np.ndarray) -> None:
-        """Add the contact's stiffness (N/m) to `stiffness` (owned,) of the points that it holds or may soon."""
-        rows, _, _ = self._held(p, time)
+    def add_stiffness(self, p: Particles, time: float, ahead: float, stiffness: np.ndarray) -> None:
+        """Add the contact's stiffness (N/m) to `stiffness` (owned,) of the points that it holds, or may `ahead` (s)."""
+        rows, _, _ = self._held(p, time, ahead)
         stiffness[rows] += self.stiffness
 
-    def resist(self, p: Particles, time: float, dt: float, force: np.ndarray, moment: np.ndarray) -> None:
+    def resist(
+        self, p: Particles, time: float, ahead: float, dt: float, force: np.ndarray, moment: np.ndarray
+    ) -> None:
         """Add what holds those points, at most, against a motion with `velocity` for `dt`: forces on their faces."""
-        rows, gap, normal = self._held(p, time)
+        rows, gap, normal = self._held(p, time, ahead)
         _resist(
             rows, gap, normal, p.velocity, p.gradient, p.share, self.reach, dt * self.stiffness, self.friction > 0.0,
             force, moment, p.dim,
         )  # fmt: skip
 
-    def _held(self, p, time):
-        """Rows of the points that it holds or may soon, with gaps and normals."""
+    def _held(self, p, time, ahead):
+        """Rows of the points that it holds, or may within the time `ahead` (s), with gaps and normals."""
         shift = self._shift(p, time)
-        rows = self._near(p, shift)
+        velocity = p.velocity[: p.owned] if self.velocity is None else p.velocity[: p.owned] - self.velocity
+        margin = (_SOON - 1.0) * self.reach
+        fast = _HASTE * ahead * np.sqrt((velocity**2).sum(axis=1).max(initial=0.0)) > margin
+        rows = np.arange(p.owned) if fast else self._near(p, shift)
         gap, normal = self.surface.gap(p.position[rows] - shift)
-        held = (gap < _SOON * self.reach) | (getattr(p, self.cell)[rows, 1] > 0.0)
+        approach = -(velocity[rows] * normal).sum(axis=1)
+        soon = gap - self.reach < np.maximum(margin, _HASTE * ahead * approach)
+        held = soon | (getattr(p, self.cell)[rows, 1] > 0.0)
         return rows[held], gap[held], np.ascontiguousarray(normal[held])
 
     def outline(self, p: Particles, time: float, middle: np.ndarray, size: float):
@@ -124,6 +133,14 @@ class RigidContact:
         shift = self._shift(p, time)
         points, cells = self.surface.outline(middle - shift, size)
         return points + shift, cells
+
+    def will_push(self, p: Particles, time: float, until: float) -> bool:
+        """Whether the obstacle moves, and meets a point of this rank where it is now before the time `until`."""
+        if self.velocity is None:
+            return False
+        x = p.position[: p.owned]
+        gaps = (self.surface.gap(x - self._shift(p, t))[0] for t in np.linspace(time, until, _LOOKS))
+        return any(gap.min(initial=np.inf) < self.reach for gap in gaps)
 
     def memory(self) -> dict:
         """What a checkpoint keeps."""

@@ -33,7 +33,7 @@ class ShortRangePublished:
 
     def __init__(self, lower, upper, substrate_spacing, *, spacing, stiffness, friction, cutoff, name="0"):
         self.name = name
-        self._box = Box(lower, upper)
+        self.surface = Box(lower, upper)
         lower, side = np.asarray(lower, float), np.asarray(upper, float) - np.asarray(lower, float)
         self.counts = np.maximum(np.rint(side / substrate_spacing), 1).astype(np.int64)
         self.origin = lower + 0.5 * substrate_spacing
@@ -57,7 +57,7 @@ class ShortRangePublished:
             self.stiffness, self.friction, p.contact_force, p.friction_force, p.dim,
         )  # fmt: skip
 
-    def add_stiffness(self, p: Particles, time: float, stiffness: np.ndarray) -> None:
+    def add_stiffness(self, p: Particles, time: float, ahead: float, stiffness: np.ndarray) -> None:
         """Add the stiffness (N/m) of the bonds to substrate points that hold a point or may soon."""
         _short_range_stiffness(
             p.owned, p.position, self.origin, self.counts, self.substrate_spacing, 1.25 * self.cutoff,
@@ -66,12 +66,18 @@ class ShortRangePublished:
 
     def outline(self, p: Particles, time: float, middle, size):
         """How the substrate is drawn, see `Surface.outline`."""
-        return self._box.outline(middle, size)
+        return self.surface.outline(middle, size)
 
-    def resist(self, p: Particles, time: float, dt: float, force: np.ndarray, moment: np.ndarray) -> None:
+    def will_push(self, p: Particles, time: float, until: float) -> bool:
+        """Nothing that moves by itself."""
+        return False
+
+    def resist(
+        self, p: Particles, time: float, ahead: float, dt: float, force: np.ndarray, moment: np.ndarray
+    ) -> None:
         """Add what holds the points that may touch, at most, against a motion with `velocity` for `dt`."""
         stiffness = np.zeros(p.owned)
-        self.add_stiffness(p, time, stiffness)
+        self.add_stiffness(p, time, ahead, stiffness)
         force[: p.owned] -= dt * stiffness[:, None] * p.velocity[: p.owned]
 
 

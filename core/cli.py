@@ -116,7 +116,7 @@ def _simulate(arguments) -> int:
     from mpi4py import MPI
 
     from periporo.core.ranks.processors import agree
-    from periporo.errors import InputError, OutputError
+    from periporo.errors import ContactError, InputError, OutputError
 
     comm = MPI.COMM_WORLD
     try:  # before any kernel is imported
@@ -140,7 +140,7 @@ def _simulate(arguments) -> int:
             walltime=arguments.walltime, pictures=not arguments.no_plot, quiet=arguments.quiet,
         )  # fmt: skip
         return 0
-    except (InputError, OutputError, RelaxationError, RefusedStep, WatchdogError) as error:  # the same on all ranks
+    except (InputError, OutputError, ContactError, RelaxationError, RefusedStep, WatchdogError) as error:  # on all
         if comm.rank == 0:
             print(f"periporo: {error}", file=sys.stderr, flush=True)
         comm.Barrier()

@@ -17,7 +17,7 @@ from periporo.core.points.probes import Probes
 from periporo.core.ranks.processors import agree
 from periporo.core.ranks.reductions import quantile
 from periporo.core.scene.build import build, output_names
-from periporo.core.scene.check import without_company
+from periporo.core.scene.doubts import without_company
 from periporo.core.scene.source import Source, naming, read_everywhere
 from periporo.core.simulation import Simulation
 from periporo.core.watch.interrupt import Interrupted, Keeper, Signals
@@ -90,7 +90,7 @@ def run(
             sim.guards = [watchdog, keeper]  # in this order: no checkpoint of a state that is taken back
             if not jit.cache_is_warm():
                 progress.message(jit.COMPILING)
-            _start(sim, target) if state is None else _go_on(sim, state, target)
+            _start(sim, source, target) if state is None else _go_on(sim, state, target)
             jit.remember_warm()
             for remark in jit.remarks:
                 progress.message(remark)
@@ -131,9 +131,10 @@ def _how_to_resume(source) -> str:
     return f"periporo {source} --resume" if isinstance(source, str | Path) else "run(..., resume=True)"
 
 
-def _start(sim, target):
+def _start(sim, source, target):
     try:
-        sim.start()
+        with naming(source):
+            sim.start()
     except InputError:  # seen only now, for example that nothing limits the time step: as if it had not begun
         everywhere(sim.comm, target.unlink)
         raise

@@ -1,5 +1,6 @@
 """Boundary conditions: prescribed motion, tractions, gravity and mass-proportional damping."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 import numpy as np
@@ -11,11 +12,30 @@ from periporo.core.points.forces import INTEGRATION, PRESCRIBED, WORK, ForceChan
 from periporo.core.points.particles import Field, Particles
 
 
-class PrescribedMotion:
+class Motion(ABC):
+    """What imposes velocities on points, after both kicks of a step."""
+
+    end = 0.0
+    """When (s) its last history ends; a stage that is to stop at rest waits for it."""
+
+    def speed(self, time: float, dt: float) -> float:
+        """How fast (m/s) its points move at a time in a step of `dt`; steps may be made shorter where that is fast."""
+        return 0.0
+
+    @abstractmethod
+    def apply(self, p: Particles, time: float, dt: float, closing_step: bool) -> None:
+        """Impose the velocity of `time` in a step of `dt`: after the first kick, or the second (`closing_step`)."""
+
+    def hold_zero(self, p: Particles, free: np.ndarray) -> None:
+        """Set the components of `free` (owned, d) that it imposes to zero: all, if it does not say which."""
+        free[:] = 0.0
+
+
+class PrescribedMotion(Motion):
     """Velocity components of a set of points as functions of time; their reactions do the work `prescribed`.
 
     `ids` sorted global ids of the points; `velocities` maps an axis to a function of time and time step (s) in m/s,
-    such as `velocity_history` and `displacement_history` make.
+    such as `VelocityHistory` and `DisplacementHistory`.
 
     In each half step a reaction holds up the other forces and moves with the point, and an impulse brings the point
     from one imposed velocity to the next, at the mean of both. So a boundary that starts or stops at once gives or
@@ -25,7 +45,12 @@ class PrescribedMotion:
     def __init__(self, ids: np.ndarray, velocities: dict[int, Callable[[float, float], float]]):
         self.ids = ids
         self.velocities = velocities
+        self.end = max((getattr(function, "end", 0.0) for function in velocities.values()), default=0.0)
         self._found = None
+
+    def speed(self, time: float, dt: float) -> float:
+        """How fast (m/s) the points move at a time in a step of `dt`."""
+        return float(np.sqrt(sum(function(time, dt) ** 2 for function in self.velocities.values())))
 
     def apply(self, p: Particles, time: float, dt: float, closing_step: bool) -> None:
         """Impose the velocity of `time` in a step of `dt`: after the first kick, or the second (`closing_step`).
@@ -70,22 +95,30 @@ def without_overlaps(motions: list[PrescribedMotion]) -> list[PrescribedMotion]:
     return separate[::-1]
 
 
-def velocity_history(times, values) -> Callable[[float, float], float]:
+class VelocityHistory:
     """Velocity that is linear between `values` (k,) m/s at `times` (k,) s, for `PrescribedMotion`."""
-    return lambda time, dt: float(np.interp(time, times, values))
+
+    def __init__(self, times, values):
+        self.times, self.values = times, values
+
+    @property
+    def end(self) -> float:
+        """Time (s) of its last entry."""
+        return float(self.times[-1])
+
+    def __call__(self, time: float, dt: float) -> float:
+        return float(np.interp(time, self.times, self.values))
 
 
-def displacement_history(times, values) -> Callable[[float, float], float]:
+class DisplacementHistory(VelocityHistory):
     """Velocity with which every step ends at the displacement of its time, `values` (k,) m at `times` (k,) s.
 
     A difference over the step around `time`: the drifts of the steps add up to the displacement, whatever the steps.
     """
 
-    def velocity(time, dt):
-        after, before = np.interp([time + 0.5 * dt, time - 0.5 * dt], times, values)
+    def __call__(self, time: float, dt: float) -> float:
+        after, before = np.interp([time + 0.5 * dt, time - 0.5 * dt], self.times, self.values)
         return float((after - before) / dt)
-
-    return velocity
 
 
 class Gravity:

@@ -13,13 +13,21 @@ def first_kick(p: Particles, forces: ForceChannels, dt: float) -> None:
     _first_kick(p.owned, dt, p.mass, p.velocity, p.previous_velocity, forces.arrays(), p.dim)
 
 
-def drift(p: Particles, forces: ForceChannels, dt: float) -> float:
-    """Position from t to t + dt; the largest distance (m) of an owned point from where its neighbours were found."""
-    moved = _drift(
+def take_back_kick(p: Particles) -> None:
+    """Velocity from t + dt/2 back to t."""
+    p.velocity[: p.owned] = p.previous_velocity
+
+
+def drift(p: Particles, forces: ForceChannels, dt: float) -> tuple[float, float]:
+    """Position from t to t + dt.
+
+    Returns the largest distance (m) of an owned point from where its neighbours were found, and the longest way (m).
+    """
+    moved, way = _drift(
         p.owned, dt, p.mass, p.velocity, p.previous_velocity, p.position, p.reference_position, p.work,
         forces.arrays(), forces.columns, INTEGRATION, p.dim,
     )  # fmt: skip
-    return math.sqrt(moved)
+    return math.sqrt(moved), math.sqrt(way)
 
 
 def second_kick(p: Particles, forces: ForceChannels, dt: float) -> None:
@@ -37,14 +45,16 @@ def _first_kick(owned, dt, mass, velocity, previous, forces, dim):
         for force in forces:
             total += vectors.row(force, i, dim)
         vectors.put(previous, i, v)
-        vectors.put(velocity, i, v + total * (0.5 * dt / mass[i]))
+        v += total * (0.5 * dt / mass[i])
+        vectors.put(velocity, i, v)
 
 
 @kernel
 def _drift(owned, dt, mass, velocity, previous, position, reference, work, forces, columns, integration, dim):
-    largest = 0.0
+    largest, longest = 0.0, 0.0
     for i in range(owned):
         v = vectors.row(velocity, i, dim)
+        longest = max(longest, vectors.dot(v, v))
         change = v - vectors.row(previous, i, dim)
         x = vectors.row(position, i, dim) + v * dt
         way = x - vectors.row(reference, i, dim)
@@ -54,7 +64,7 @@ def _drift(owned, dt, mass, velocity, previous, position, reference, work, force
         moved = vectors.dot(way, way)
         if moved > largest or math.isnan(moved):  # and stays: nothing is larger than NaN
             largest = moved
-    return largest
+    return largest, longest * dt * dt
 
 
 @kernel

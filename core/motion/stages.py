@@ -3,9 +3,17 @@
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 
-from periporo.core.bonds.bonds import RefusedStep
-from periporo.core.motion.relaxation import Relaxation
+import numpy as np
 
+from periporo.core.bonds.bonds import RefusedStep
+from periporo.core.motion.relaxation import Relaxation, RelaxationError
+from periporo.core.numerics.tensors import square_lengths
+from periporo.core.points.forces import PRESCRIBED
+from periporo.core.points.particles import Field, Particles
+from periporo.core.ranks.reductions import any_rank, exact_sum, maximum
+
+CHECK_INTERVAL = 100  # steps between looks at the displacements of a relaxation
+_STILL = 1e-3  # spacings: less is no motion
 _REMEMBERED = ("end_time", "first_step", "initial_residual", "_peak")
 
 
@@ -30,6 +38,7 @@ class Stage(ABC):
             for contact in self.contacts:
                 if contact not in before:
                     contact.appear(sim.particles, sim.time, before)
+            sim.time_step.expire()
             sim.apply_loads(0.0)
             for observer in sim.observers:
                 observer.start_stage(sim, self)
@@ -90,18 +99,52 @@ class RelaxStage(Stage):
 
     tolerance: float = 1e-4
     max_steps: int = 200_000
+    limits: np.ndarray | None = None  # way (m) that a point of each body may go, which is not to flow
+    bodies: tuple[str, ...] = ()  # their names
+    resets: bool = False  # displacements
     relaxation: Relaxation = field(init=False, repr=False, compare=False)
 
+    @staticmethod
+    def attach(p: Particles) -> None:
+        """Declare what the points keep."""
+        p.add_field(Field("relaxed_from", p.dimension, "m", sent=False))
+
     def _begin(self, sim) -> None:
+        if self.limits is not None:
+            sim.particles.relaxed_from[:] = sim.particles.position[: sim.particles.owned]
         self.relaxation = Relaxation(self.name, self.tolerance, self.max_steps)
         self.relaxation.begin(sim)
 
     def _is_over(self, sim) -> bool:
+        if sim.step_number % CHECK_INTERVAL == 0:
+            self._refuse_flow(sim)
         return self.relaxation.is_over(sim)
 
     def _finish(self, sim) -> str:
         self.relaxation.end(sim)
-        return f"out-of-balance force {self.relaxation.residual:.2e} of the load after {self.relaxation.steps} steps"
+        summary = f"out-of-balance force {self.relaxation.residual:.2e} of the load after {self.relaxation.steps} steps"
+        if self.limits is not None:
+            summary += f", largest displacement {self._refuse_flow(sim):.3g} m"
+        if self.resets:
+            sim.particles.initial_position[:] = sim.particles.position[: sim.particles.owned]
+        return summary
+
+    def _refuse_flow(self, sim) -> float:
+        """Largest way (m) of a point since the stage began. Raises RelaxationError if one is too long."""
+        if self.limits is None:
+            return 0.0
+        p = sim.particles
+        way = np.sqrt(square_lengths(p.position[: p.owned] - p.relaxed_from))
+        of_bodies = (way[p.body[: p.owned] == b] for b in range(len(self.bodies)))
+        longest = [maximum(sim.comm, float(ways.max(initial=0.0))) for ways in of_bodies]
+        for body, of_body, limit in zip(self.bodies, longest, self.limits, strict=True):
+            if not of_body <= limit:
+                raise RelaxationError(
+                    f"stage '{self.name}': a point of body '{body}' has moved by {of_body:.3g} m, more than the "
+                    f"{limit:.3g} m that max_displacement allows: it flows and does not settle; let it collapse in a "
+                    "dynamics stage, or raise max_displacement"
+                )
+        return max(longest, default=0.0)
 
     def memory(self) -> dict:
         """What a checkpoint keeps."""
@@ -120,6 +163,7 @@ class DynamicsStage(Stage):
     duration: float = 0.0
     rest_fraction: float | None = None
     rest_interval: int = 100  # steps between looks at the kinetic energy
+    launches: list = field(default_factory=list)  # (body, velocity (d,) m/s) of bodies that were held until now
     end_time: float = 0.0
     first_step: int = 0
     initial_residual: float = 0.0  # of the energy ledger, J
@@ -129,6 +173,8 @@ class DynamicsStage(Stage):
     def _set_out(self, sim) -> None:
         self.end_time, self.first_step, self._peak = sim.time + self.duration, sim.step_number, 0.0
         self._at_rest = False
+        for body, velocity in self.launches:
+            _launch(sim.particles, body, velocity)
 
     def _begin(self, sim) -> None:
         self.initial_residual = sim.ledger.entries()["energy_residual"]
@@ -137,8 +183,22 @@ class DynamicsStage(Stage):
         if self.rest_fraction is not None and sim.step_number % self.rest_interval == 0:
             kinetic = sim.ledger.kinetic()
             self._peak = max(self._peak, kinetic)
-            self._at_rest = sim.step_number > self.first_step and kinetic <= self.rest_fraction * self._peak
+            came_to_rest = kinetic <= self.rest_fraction * self._peak and self._has_moved(sim)
+            self._at_rest = came_to_rest and not self._awaits(sim)
         return self._at_rest or sim.time >= self.end_time * (1.0 - 1e-12)
+
+    def _has_moved(self, sim) -> bool:
+        """Whether the peak of the kinetic energy is that of a motion: `_STILL` spacings in the time since the start."""
+        elapsed = sim.time - (self.end_time - self.duration)
+        mass = float(exact_sum(sim.comm, sim.particles.mass)[0])
+        return elapsed > 0.0 and self._peak > 0.5 * mass * (_STILL * sim.spacing / elapsed) ** 2
+
+    def _awaits(self, sim) -> bool:
+        """Whether something is to come: a history that goes on, an obstacle that will meet what rests; collective."""
+        if any(motion.end > sim.time for motion in self.prescribed_motions):
+            return True
+        mine = any(contact.will_push(sim.particles, sim.time, self.end_time) for contact in self.contacts)
+        return any_rank(sim.comm, mine)
 
     def _finish(self, sim) -> str:
         return f"{'at rest at ' if self._at_rest else ''}t = {sim.time:.4g} s"
@@ -152,3 +212,10 @@ class DynamicsStage(Stage):
         for name in _REMEMBERED:
             setattr(self, name, memory[name])
         sim.rate_independent = False
+
+
+def _launch(p: Particles, body: int, velocity: np.ndarray) -> None:
+    """Give the points of a body its velocity (d,) m/s; the energy counts as prescribed work."""
+    rows = np.flatnonzero(p.body[: p.owned] == body)
+    p.work[rows, PRESCRIBED] += 0.5 * p.mass[rows] * ((velocity**2).sum() - square_lengths(p.velocity[rows]))
+    p.velocity[rows] = velocity

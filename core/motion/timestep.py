@@ -23,9 +23,10 @@ _CONVERGED = 2e-3  # relative change of the frequency in one of them
 _DAMPED = 0.97  # of the limit of damped steps
 _DRIFT = 0.1  # relative change of the local estimate after which the ratio is measured again
 _OFTEN, _SELDOM = 200, 800  # steps after which it is measured again in any case
+_NEVER = 2**62
 _STEADY = 0.02  # relative change of the ratio up to which it is measured less often
 _SCRATCHED = ("velocity", "jacobian", "tilt", "viscous_stress")  # fields of points that keep their values
-_REMEMBERED = ("ratio", "reduction", "_calibrated_at", "_calibrated_in", "_pause")
+_REMEMBERED = ("ratio", "reduction", "_calibrated_at", "_calibrated_in", "_pause", "_local", "_again")
 
 
 class StableTimeStep:
@@ -40,16 +41,24 @@ class StableTimeStep:
         self._calibrated_at = 0.0
         self._calibrated_in = 0  # step
         self._pause = _OFTEN  # steps
+        self._local = 0.0  # frequency when the step was last chosen
+        self._again = _NEVER  # step by which it is chosen anew in any case
 
     def due(self, step: int) -> bool:
         """Whether the step is to be chosen anew."""
-        return self.fixed is None and step % self.interval == 0
+        return self.fixed is None and (step % self.interval == 0 or step >= self._again)
+
+    def expire(self) -> None:
+        """Have the step chosen anew, for what sets it is another."""
+        self._again = 0
 
     def choose(self, sim) -> float:
         """The time step (s) for the present configuration."""
         if self.fixed is not None:
             return self.fixed * self.reduction
-        local = local_frequency(sim, sim.contacts)
+        local = local_frequency(sim, sim.contacts, self.interval * sim.dt)
+        grows = local > (1.0 + _DRIFT) * self._local and self._local > 0.0
+        self._local, self._again = local, sim.step_number + max(1, self.interval // 4 if grows else self.interval)
         drifted = not abs(local - self._calibrated_at) <= _DRIFT * self._calibrated_at
         if drifted or sim.step_number >= self._calibrated_in + self._pause:
             exact = highest_frequency(sim)
@@ -101,8 +110,11 @@ def _viscosity(sim, frequency):
     return sim.scheme.viscosity * frequency * sim.spacing / math.sqrt(fastest) if fastest > 0.0 else 0.0
 
 
-def local_frequency(sim, contacts) -> float:
-    """Largest of the points' own frequency estimates from bonds and `contacts`, rad/s."""
+def local_frequency(sim, contacts, ahead: float = 0.0) -> float:
+    """Largest of the points' own frequency estimates from bonds and `contacts`, rad/s.
+
+    A contact counts if it acts, or may within the time `ahead` (s).
+    """
     p = sim.particles
     springs = np.zeros((p.total, p.dimension * (p.dimension + 1) // 2))
     for block in sim.bonds.blocks:
@@ -110,7 +122,7 @@ def local_frequency(sim, contacts) -> float:
         sim.scheme.add_springs(p, sim.bonds, block, bulk, shear, springs)
     stiffness = np.zeros(p.owned)
     for contact in contacts:
-        contact.add_stiffness(p, sim.time, stiffness)
+        contact.add_stiffness(p, sim.time, ahead, stiffness)
     return float(np.sqrt(maximum(sim.comm, _largest_square_frequency(p.owned, springs, stiffness, p.mass, p.dim))))
 
 
@@ -177,7 +189,7 @@ def apply_stiffness(sim, displacement):
     force, held = np.zeros((2, p.total, p.dimension))
     moment = np.zeros((p.owned, p.dimension**2))
     for contact in sim.contacts:
-        contact.resist(p, sim.time, dt, held, moment)
+        contact.resist(p, sim.time, sim.time_step.interval * sim.dt, dt, held, moment)
     sim.scheme.internal_force(p, sim.bonds, sim.halo, force, moment if sim.forces.on_faces else None)
     return -(force + held)[: p.owned] / dt
 

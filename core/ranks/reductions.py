@@ -19,6 +19,13 @@ def maximum(comm: MPI.Comm, value: float) -> float:
     return math.nan if local[1] else float(local[0])
 
 
+def maxima(comm: MPI.Comm, values: np.ndarray) -> np.ndarray:
+    """Largest of each of the `values` (n,) over ranks, as `maximum`."""
+    both = np.stack([np.where(np.isnan(values), -np.inf, values), np.isnan(values)])
+    comm.Allreduce(MPI.IN_PLACE, both, MPI.MAX)
+    return np.where(both[1] > 0.0, np.nan, both[0])
+
+
 def minimum(comm: MPI.Comm, value: float) -> float:
     """Smallest value over ranks; NaN on any rank gives NaN."""
     return -maximum(comm, -value)

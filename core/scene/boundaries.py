@@ -2,9 +2,11 @@
 
 import numpy as np
 
-from periporo.core.loads.boundary import PrescribedMotion, Traction, displacement_history, velocity_history
+from periporo.core.loads.boundary import DisplacementHistory, PrescribedMotion, Traction, VelocityHistory
 from periporo.errors import InputError, Problem
 from periporo.io.schema.bodies import Points
+
+_SAME = 1e-6  # spacings by which places that are the same may differ
 
 
 def build_boundary(scene, name: str, lattices, moving: bool) -> PrescribedMotion | Traction:
@@ -18,15 +20,21 @@ def build_boundary(scene, name: str, lattices, moving: bool) -> PrescribedMotion
     ids = np.sort(np.concatenate([ids for _, ids, _ in sites]))
     if boundary.fix:
         return PrescribedMotion(ids, {"xyz".index(a): _standstill for a in boundary.fix})
-    components, history = boundary.velocity, velocity_history
+    components, history = boundary.velocity, VelocityHistory
     if boundary.displacement is not None:
-        components, history = boundary.displacement, displacement_history
+        components, history = boundary.displacement, DisplacementHistory
     velocities = {}
     for axis, letter in enumerate("xyz"[: scene.dimension]):
         component = getattr(components, letter)
         if component is not None:
             velocities[axis] = history(component.times, component.values) if moving else _standstill
     return PrescribedMotion(ids, velocities)
+
+
+def hold(lattice) -> PrescribedMotion:
+    """All points of a body at rest."""
+    ids = np.sort(np.concatenate([ids for ids, *_ in lattice.chunks()]))
+    return PrescribedMotion(ids, dict.fromkeys(range(lattice.dimension), _standstill))
 
 
 def _standstill(time, dt):
@@ -54,28 +62,61 @@ def _selected(scene, region, lattices):
 def _traction(scene, name, model, sites):
     """The load on the outermost of the selected points, at the faces of their cells."""
     axis, sign = "xyz".index(model.side[0]), 1.0 if model.side[1] == "+" else -1.0
-    ids, reach = (np.concatenate(part) for part in zip(*_outermost(scene, sites, axis, sign), strict=True))
+    ids, reach = _outermost(scene, sites, axis, sign)
     order = np.argsort(ids)
     lever = reach[order, None] * sign * np.eye(scene.dimension)[axis]
     return Traction(name, ids[order], np.array(model.stress) * scene.spacing ** (scene.dimension - 1), lever)
 
 
 def _outermost(scene, sites, axis, sign):
-    """Of the points that have no other selected point of their body beside them: ids (n,), and reach of cells (n,) m.
+    """Of the points that have no other selected point beside them on a side: ids (n,), and reach of cells (n,) m.
 
-    The cells of displaced points end where those of the grid do.
+    Whatever body it belongs to: of bodies that stand on each other the last one is loaded.
     """
-    for lattice, ids, position in sites:
-        reach = np.full(len(ids), 0.5 * scene.spacing)
-        if isinstance(lattice.body.shape, Points):
-            cell = np.floor((position - lattice.lower) / scene.spacing + 0.5).astype(np.int64)
-        else:
-            cell = np.stack(np.unravel_index(ids - lattice.first_id, lattice.counts), axis=1)
-            reach -= sign * (position - lattice.centres(cell))[:, axis]
-        row = np.delete(cell, axis, axis=1)
-        # sorted by row, the outermost last
-        order = np.lexsort((sign * position[:, axis], *row.T))
-        row = row[order]
-        last = np.ones(len(order), bool)
-        last[:-1] = (row[1:] != row[:-1]).any(axis=1)
-        yield ids[order[last]], reach[order[last]]
+    tops = [_tops_of_columns(scene, *site, axis, sign) for site in sites]
+    ids, reaches = [], []
+    for k, (own, reach, place) in enumerate(tops):
+        free = np.ones(len(own), bool)
+        for n, (_, _, other) in enumerate(tops):
+            if n != k:
+                free &= ~_is_covered(place, other, axis, sign, scene.spacing)
+        ids.append(own[free])
+        reaches.append(reach[free])
+    return np.concatenate(ids), np.concatenate(reaches)
+
+
+def _tops_of_columns(scene, lattice, ids, position, axis, sign):
+    """The last point of every column of a lattice along an axis: ids (m,), reach of cells (m,) m, and places (m, d).
+
+    Places are those before jitter; the cells of displaced points end where those of the grid do.
+    """
+    reach = np.full(len(ids), 0.5 * scene.spacing)
+    if isinstance(lattice.body.shape, Points):
+        place, cell = position, np.floor((position - lattice.lower) / scene.spacing + 0.5).astype(np.int64)
+    else:
+        cell = np.stack(np.unravel_index(ids - lattice.first_id, lattice.counts), axis=1)
+        place = lattice.centres(cell)
+        reach -= sign * (position - place)[:, axis]
+    column = np.delete(cell, axis, axis=1)
+    order = np.lexsort((sign * place[:, axis], *column.T))  # by column, the outermost last
+    column = column[order]
+    last = np.ones(len(order), bool)
+    last[:-1] = (column[1:] != column[:-1]).any(axis=1)
+    rows = order[last]
+    return ids[rows], reach[rows], place[rows]
+
+
+def _is_covered(place, other, axis, sign, spacing):
+    """Which of the places (n, d) have one of the `other` (m, d) further out, and at most half a spacing aside."""
+    covered = np.zeros(len(place), bool)
+    own_aside, aside = (np.delete(x, axis, axis=1) / spacing for x in (place, other))
+    own_out, out = sign * place[:, axis] / spacing, sign * other[:, axis] / spacing
+    cells, own_cells = np.floor(aside).astype(np.int64), np.floor(own_aside).astype(np.int64)
+    found: dict[tuple, list[int]] = {}
+    for row, cell in enumerate(map(tuple, cells.tolist())):
+        found.setdefault(cell, []).append(row)
+    for row, cell in enumerate(own_cells.tolist()):
+        beside = [r for shift in np.ndindex(*(3,) * len(cell)) for r in found.get(tuple(np.add(cell, shift) - 1), ())]
+        near = np.abs(aside[beside] - own_aside[row]).max(axis=1, initial=0.0) <= 0.5 + _SAME
+        covered[row] = (near & (out[beside] > own_out[row] + _SAME)).any()
+    return covered

@@ -18,7 +18,7 @@ from periporo.core.points import fields
 from periporo.core.points.departures import Departures
 from periporo.core.points.extent import Extent
 from periporo.core.points.particles import Particles
-from periporo.core.scene.boundaries import build_boundary, region_corners
+from periporo.core.scene.boundaries import build_boundary, hold, region_corners
 from periporo.core.scene.contacts import (
     bonding_groups,
     build_bodies_contact,
@@ -90,6 +90,8 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
     for stage in scene.stages:
         if stage.type == "dynamics" and stage.damping.viscous > 0.0:
             sim.forces.need("damping")
+    if any(stage.type == "relax" for stage in scene.stages):
+        RelaxStage.attach(particles)
     repulsion = build_repulsion(sim)
     repulsion.attach(particles, sim.forces)
     lattices = geometry.build_lattices(scene)
@@ -131,6 +133,7 @@ def _between_bodies(scene, faces, sim):
 def _place_points(scene, comm, particles, materials, water, lattices):
     """Each rank makes its part of every body's lattice; the first rebuild hands points to their owners."""
     parts = {name: [] for name in ("id", "position", "volume", "material", "body", "velocity")}
+    held = [number for number, _ in _flying(scene)]
     for number, (body, lattice) in enumerate(zip(scene.bodies, lattices, strict=True)):
         begin, end = (lattice.size * r // comm.size for r in (comm.rank, comm.rank + 1))
         for start in range(begin, end, geometry.CHUNK):
@@ -140,7 +143,8 @@ def _place_points(scene, comm, particles, materials, water, lattices):
             parts["volume"].append(volume)
             parts["material"].append(material)
             parts["body"].append(np.full(len(ids), number))
-            parts["velocity"].append(np.tile(scene.vector(body.velocity), (len(ids), 1)))
+            velocity = np.zeros(scene.dimension) if number in held else scene.vector(body.velocity)
+            parts["velocity"].append(np.tile(velocity, (len(ids), 1)))
     owned = {name: np.concatenate(arrays) if arrays else None for name, arrays in parts.items()}
     if owned["id"] is None:
         owned = _no_points(particles)
@@ -221,10 +225,32 @@ def _stage(scene, sim, stage, contacts, free_water, lattices):
     for name in stage.boundaries:
         boundary = build_boundary(scene, name, lattices, moving=stage.type == "dynamics")
         (loads if isinstance(boundary, Traction) else motions).append(boundary)
+    flying = _flying(scene) if stage in scene.stages[: _first_motion(scene) + 1] else []
+    if stage.type == "relax":
+        motions += [hold(lattices[body]) for body, _ in flying]  # until their first motion
     motions = without_overlaps(motions)
     present = [c for model, c in contacts if is_present(model, stage)]
     if stage.type == "relax":
-        return RelaxStage(stage.name, motions, present, loads, stage.tolerance, stage.max_steps)
+        sides = np.array([(lattice.upper - lattice.lower).min() for lattice in lattices])
+        return RelaxStage(
+            stage.name, motions, present, loads, stage.tolerance, stage.max_steps,
+            np.maximum(stage.max_displacement * sides, scene.spacing), tuple(b.name for b in scene.bodies),
+            stage.reset_displacement,
+        )  # fmt: skip
     if stage.damping.viscous > 0.0:
         loads.append(ViscousDamping(stage.damping.viscous, lambda: sim.dt))
-    return DynamicsStage(stage.name, motions, present, loads, stage.duration, stage.stop_when_at_rest)
+    dynamics = DynamicsStage(stage.name, motions, present, loads, stage.duration, stage.stop_when_at_rest)
+    dynamics.launches = flying
+    return dynamics
+
+
+def _first_motion(scene) -> int:
+    """Number of the first stage in which bodies move, or of stages if there is none."""
+    return next((k for k, stage in enumerate(scene.stages) if stage.type == "dynamics"), len(scene.stages))
+
+
+def _flying(scene) -> list[tuple[int, np.ndarray]]:
+    """Bodies (number, velocity (d,) m/s) that are held until their first motion, since relaxation comes before it."""
+    if _first_motion(scene) == 0:
+        return []
+    return [(k, scene.vector(body.velocity)) for k, body in enumerate(scene.bodies) if any(body.velocity or ())]

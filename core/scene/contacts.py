@@ -67,25 +67,27 @@ def is_present(model, stage) -> bool:
 
 
 def refuse_penetration(scene, contacts, sim) -> None:
-    """Raise InputError, on all ranks alike, if a body reaches into an obstacle of the first stage.
+    """Raise InputError, on all ranks alike, if a body reaches into an obstacle where that appears, whatever the stage.
 
     contacts: pairs of input model and contact. A cell that overlaps an obstacle would be shot out of it. Relaxation
     pushes out what overlaps by about half a cell; motion may begin with the overlap of the jitter only.
     """
-    p, comm, stage = sim.particles, sim.comm, scene.stages[0]
+    p, comm = sim.particles, sim.comm
     jitter = np.array([body.jitter for body in scene.bodies])
-    allowed = np.full(len(jitter), _PUSHED_OUT) if stage.type == "relax" else jitter + _TOUCH
     problems = []
-    for number, (model, contact) in enumerate(contacts):
-        if not (isinstance(contact, RigidContact) and is_present(model, stage)):
+    for model, contact in contacts:
+        stage = next((s for s in scene.stages if is_present(model, s)), None)
+        if stage is None or (model.cleared and stage is not scene.stages[0]):
             continue
+        allowed = np.full(len(jitter), _PUSHED_OUT) if stage.type == "relax" else jitter + _TOUCH
         gap, _ = contact.surface.gap(p.position[: p.owned])
         excess = 0.5 - gap / scene.spacing - allowed[p.body[: p.owned]]
         worst = int(np.argmax(excess)) if p.owned else -1
         mine = (excess[worst], gap[worst], p.body[worst], p.position[worst].tolist()) if p.owned else (-np.inf,)
         excess, *found = max(comm.allgather(mine))
         if excess > 0.0:
-            problems.append(Problem(("contacts", number), _penetration(scene, model, stage, sim.origin, *found)))
+            message = _penetration(scene, model, stage, sim.origin, *found)
+            problems.append(Problem(("contacts", scene.contacts.index(model)), message))
     if problems:
         raise InputError("scene", problems)
 
@@ -112,9 +114,12 @@ def refuse_overlaps(scene, between, sim) -> None:
         for first, second, overlap, place in contact.deepest_overlaps(sim.particles):
             bodies = scene.bodies[first], scene.bodies[second]
             cloudy = any(b.shape.type in ("points", "raster", "mesh") for b in bodies)
+            number = _entry_of(scene, numbers, bodies)
+            entry = scene.contacts[number]
+            if entry.cleared and not is_present(entry, scene.stages[0]):
+                continue
             if overlap > (_UNKNOWN if cloudy else _MEET) * scene.spacing:
                 at = place_text(place, sim.origin, 4)
-                number = _entry_of(scene, numbers, bodies)
                 problems[number, first, second] = Problem(
                     ("contacts", number),
                     f"the bodies '{bodies[0].name}' and '{bodies[1].name}' overlap by {overlap:.3g} m at ({at}), and "
@@ -137,6 +142,8 @@ def _penetration(scene, model, stage, origin, gap, body, place) -> str:
         f"the body '{scene.bodies[body].name}' reaches {0.5 * scene.spacing - gap:.3g} m into this {model.type}: the "
         f"point at ({at}) stands for a cell of {scene.spacing:g} m; move one of them apart"
     )
+    if stage is not scene.stages[0]:
+        return f"{message}, or say cleared: true if they have moved away when '{stage.name}' begins"
     if gap >= (0.5 - _PUSHED_OUT) * scene.spacing:
         return f"{message}, or begin with a relax stage, which pushes the points out"
     return f"{message}, or leave the contact out of '{stage.name}'"

@@ -184,7 +184,7 @@ def install(sim, state: State) -> None:
     if sim.comm.allreduce(lost) != 0:
         raise StateError("its rows are not between neighbours of this scene")
     for contact in sim.stages[sim.stage_number].contacts:
-        contact.add_stiffness(p, sim.time, np.zeros(p.owned))  # looks for candidates while points stand there
+        contact.add_stiffness(p, sim.time, 0.0, np.zeros(p.owned))  # looks for candidates while points stand there
     p.position[: p.owned] = owned["position"]
     for name in sim.forces.names:
         getattr(p, f"{name}_force")[: p.owned] = state.points[f"{name}_force"]

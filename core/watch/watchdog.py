@@ -25,6 +25,7 @@ MOST_RETRIES = 3  # at half, quarter and an eighth of the step
 MOST_FAILURES = 20  # of a run: one that always needs help is not to be trusted
 STRAIN_JUMP = 1.0  # strain of a bond within one step
 REGULAR = 0.5  # integrity of a point from which on its speed and strain count
+_COMPANY = 0.15  # weight of a point's neighbours over that of any other's, from which on its speed counts
 _SUSPECT = 0.25  # speed over wave speed, as it was when the state was kept, from which on neighbours are compared
 _WARM_UP = 100  # steps of a motion before its energy is judged: a start from rest has hardly done any work
 _TURNED_OVER = (
@@ -190,13 +191,15 @@ def nan_points(sim) -> np.ndarray:
 def speed_ratios(sim, fastest) -> np.ndarray:
     """Per owned point: its speed relative to the mean of its regular neighbours over the wave speed of its material.
 
-    Zero for a point without regular company; collective.
+    Zero for a point without regular company, and for one that passes by with little of it; collective.
     """
     p, n, pairs = sim.particles, sim.particles.owned, sim.bonds.pairs
     sim.halo.update(p, "velocity")
     sums = np.zeros((n, 1 + p.dimension))
     _add_differences(n, pairs.first, pairs.second, pairs.weight, p.share, p.volume, p.velocity, REGULAR, sums, p.dim)
-    relative = np.sqrt(square_lengths(sums[:, 1:])) / np.where(sums[:, 0] > 0.0, sums[:, 0], 1.0)
+    most = maximum(sim.comm, float(sums[:, 0].max(initial=0.0)))
+    weight = np.where(sums[:, 0] > _COMPANY * most, sums[:, 0], np.inf)
+    relative = np.sqrt(square_lengths(sums[:, 1:])) / weight
     return relative / fastest[p.material[:n]]
 
 

@@ -186,7 +186,11 @@ def _gravity_problems(scene: SceneInput) -> Iterator[Problem]:
 
 
 def _motion_problems(scene: SceneInput) -> Iterator[Problem]:
-    """Displacements that would make points jump."""
+    """Displacements that would make points jump, and velocities of bodies that never move."""
+    for k, body in enumerate(scene.bodies):
+        if any(body.velocity or ()) and all(stage.type == "relax" for stage in scene.stages):
+            message = "would never act, for there is no stage of type 'dynamics'; add one, or leave it out"
+            yield Problem(("bodies", k, "velocity"), message)
     for name, boundary in scene.boundaries.items():
         for axis in "xyz" if boundary.displacement else "":
             history = getattr(boundary.displacement, axis)

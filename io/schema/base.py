@@ -83,7 +83,9 @@ class Region(SceneModel):
 class History(SceneModel):
     """A value over time, linear between the times given, constant before the first and after the last."""
 
-    times: tuple[Time, ...] = key("times, increasing", "s", min_length=1, max_length=100_000)
+    times: tuple[Time, ...] = key(
+        "times from the start of the run, increasing; a relaxation takes none", "s", min_length=1, max_length=100_000
+    )
     values: tuple[Coordinate, ...] = key("values at these times", min_length=1, max_length=100_000)
 
     @model_validator(mode="after")

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 from periporo.io.schema.base import (
     MAX_LENGTH,
     Axis,
+    Flag,
     MotionComponents,
     Name,
     Position,
@@ -22,6 +23,7 @@ from periporo.io.schema.bodies import PlanePoint
 from periporo.io.schema.ground import Ground
 
 MAX_STIFFNESS = 1e20
+_CLEARED = "its place is not free at the start, but will be in the stage in which it appears"
 
 
 class Traction(SceneModel):
@@ -37,7 +39,9 @@ class Boundary(SceneModel):
     where: Region = key("the points that are concerned")
     fix: tuple[Axis, ...] | None = key("components that are held", default=None, min_length=1, max_length=3)
     velocity: MotionComponents | None = key("prescribed velocity", "m/s", default=None)
-    displacement: MotionComponents | None = key("prescribed displacement from zero", "m", default=None)
+    displacement: MotionComponents | None = key(
+        "prescribed displacement; what its history did before the stage began is left out", "m", default=None
+    )
     traction: Traction | None = key("a load", default=None)
 
     @model_validator(mode="after")
@@ -63,13 +67,15 @@ class _Contact(SceneModel):
     stages: tuple[Name, ...] | None = key(
         "stages in which it is present; default all", default=None, min_length=1
     )
+    cleared: Flag = key(_CLEARED, default=False)
 
 
 class _Obstacle(_Contact):
     """A rigid obstacle that may move."""
 
     velocity: Velocity | None = key(
-        "velocity of the obstacle, default zero", "m/s", default=None, vector=True
+        "velocity of the obstacle, which is where its entry says when it appears; default zero", "m/s", default=None,
+        vector=True,
     )
 
 
@@ -187,6 +193,7 @@ class ShortRangeContact(SceneModel):
     stages: tuple[Name, ...] | None = key(
         "stages in which it is present; default all", default=None, min_length=1
     )
+    cleared: Flag = key(_CLEARED, default=False)
 
 
 Contact = Annotated[

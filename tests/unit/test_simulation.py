@@ -121,3 +121,20 @@ def test_start_leaves_the_body_where_it_is(cloud, grid):
     sim = cloud(position)
     assert (sim.particles.position == position).all() and sim.time == 0.0 and sim.step_number == 0
     assert sim.reach == pytest.approx(2.23 * SPACING) and sim.rebuild_count == 1
+
+
+@pytest.mark.parametrize("speed", [50.0, 150.0])
+def test_no_step_moves_or_strains_a_point_by_more_than_a_tenth(scene_of, started, speed):
+    """A block thrown at a wall at the speed of its waves and at three times that."""
+    soft = {"model": "elastic", "density": 1800.0, "bulk_modulus": 25e5, "shear_modulus": 15e5}
+    scene = scene_of(counts=(6, 4), materials=soft, gravity=[0.0, 0.0])
+    scene["bodies"][0] |= {"velocity": [0.0, -speed]}
+    sim = started(scene)
+    strains, ways = [], []
+    for _ in range(60):
+        before, row = sim.particles.position.copy(), sim.particles.id
+        sim.step()
+        if sim.particles.id is row:
+            ways.append(np.abs(sim.particles.position - before).max() / SPACING)
+        strains += [np.sqrt((b.strain_increment**2).sum(axis=1).max()) for b in sim.bonds.blocks]
+    assert max(ways) <= 0.1 and 0.01 < max(strains) <= 0.1

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
+from periporo.core.loads.boundary import Motion
 from periporo.core.points import fields
 from periporo.core.scene.build import build
 from periporo.core.watch.observers import Observer
@@ -82,7 +83,7 @@ def hooke(strain):
     return stress
 
 
-class ImposedVelocity:
+class ImposedVelocity(Motion):
     """Moves every point with velocity(position, dt) in the middle of a step of dt: a prescribed motion in space."""
 
     def __init__(self, velocity):
@@ -92,10 +93,6 @@ class ImposedVelocity:
         """Overwrite what the kick did to the velocity."""
         if not closing_step:
             p.velocity[: p.owned] = self.velocity(p.position[: p.owned], dt)
-
-    def hold_zero(self, p, free):
-        """All components are held."""
-        free[:] = 0.0
 
 
 class Recorder(Observer):

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from periporo.core.loads.boundary import Motion
 from periporo.core.motion.stages import RelaxStage
 
 from .common import DEFAULT, P_MODULUS, Figure, ImposedVelocity, box, order, owned, simulation
@@ -24,7 +25,7 @@ class _BodyForce:
         p.external_force[: p.owned] += p.volume[: p.owned, None] * density
 
 
-class _Held:
+class _Held(Motion):
     """Points that keep their place."""
 
     def __init__(self, ids):

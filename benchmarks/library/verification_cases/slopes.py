@@ -9,6 +9,8 @@ from functools import partial
 
 import numpy as np
 
+from periporo.core.loads.boundary import Motion
+
 from .common import BULK, DEFAULT, DENSITY, GRAVITY, SHEAR, Figure, box, owned, simulation
 from .footing import flowing
 
@@ -63,7 +65,7 @@ def infinite_slope(angle, dilation, rows, scheme, duration=3.0, rate=3.0):
     return sim, rate
 
 
-class _TiedRows:
+class _TiedRows(Motion):
     """Gives all points of the same height at the start their mean velocity; the lowest rows stand still."""
 
     def __init__(self, sim):
@@ -79,10 +81,6 @@ class _TiedRows:
             mean = np.bincount(row, weights=p.velocity[: p.owned, axis]) / count
             mean[:HELD] = 0.0
             p.velocity[: p.owned, axis] = mean[row]
-
-    def hold_zero(self, p, free):
-        """All components are held."""
-        free[:] = 0.0
 
 
 def moves(make, share, number):

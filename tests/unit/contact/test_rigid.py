@@ -215,7 +215,7 @@ def test_only_points_near_the_surface_are_looked_at():
     rig = Rig(contact, [[0.0, 0.049], [0.0, 0.104], [0.0, 0.106]])
     assert contact._near(rig.p, np.zeros(2)).tolist() == [0, 1]
     stiffness = np.zeros(3)
-    contact.add_stiffness(rig.p, 0.0, stiffness)
+    contact.add_stiffness(rig.p, 0.0, 0.0, stiffness)
     assert stiffness.tolist() == [K, 0.0, 0.0]
 
 
@@ -252,7 +252,7 @@ def test_published_force_against_the_sum_over_all_substrate_points(dimension):
     assert rig.p.contact_force[0] == pytest.approx(force.sum(axis=0), rel=1e-12)
     assert rig.p.friction_force[0] == pytest.approx((0.25 * approaching * force).sum(axis=0), rel=1e-12)
     stiffness = np.zeros(1)
-    contact.add_stiffness(rig.p, 0.0, stiffness)
+    contact.add_stiffness(rig.p, 0.0, 0.0, stiffness)
     assert stiffness[0] == pytest.approx(1.25 * (r < H).sum() * K * (1.0 if dimension == 2 else H))
 
 

@@ -8,6 +8,7 @@ import pytest
 from mpi4py import MPI
 
 from periporo.core.correspondence.point_state import PointState
+from periporo.core.loads.boundary import Motion
 from periporo.core.motion.timestep import apply_stiffness
 from periporo.core.numerics.tensors import to_matrix
 from periporo.core.watch import state
@@ -232,7 +233,7 @@ def test_affine_motion_and_large_rotation_leave_links_alone(make):
         assert np.abs(sim.bonds.links.stress).max() < 1e-12 * STIFFNESS
 
 
-class Path:
+class Path(Motion):
     """Prescribed motion along positions (n, d) that are a function of time."""
 
     def __init__(self, place):

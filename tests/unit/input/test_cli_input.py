@@ -210,10 +210,3 @@ def test_how_far_a_body_may_reach_into_an_obstacle(call, scene_of, tmp_path, hei
     (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene))
     status, _, error = call("check", "scene.yaml")
     assert status == (0 if accepted else 2), error
-
-
-def test_a_contact_of_a_later_stage_may_be_where_a_body_is_now(call, scene_of, tmp_path):
-    plane = {"type": "plane", "point": [0, 0.04], "normal": [0, 1], "friction": 0.5, "stages": ["later"]}
-    stages = [{"name": name, "type": "dynamics", "duration": 1e-5} for name in ("fall", "later")]
-    (tmp_path / "scene.yaml").write_text(yaml.safe_dump(scene_of(contacts=[plane], stages=stages)))
-    assert call("check", "scene.yaml")[0] == 0

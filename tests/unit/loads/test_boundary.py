@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from periporo.core.loads.boundary import (
+    DisplacementHistory,
     Gravity,
     PrescribedMotion,
     Traction,
+    VelocityHistory,
     ViscousDamping,
-    displacement_history,
-    velocity_history,
     without_overlaps,
 )
 
@@ -22,12 +22,12 @@ def block(cloud, grid):
 
 
 def test_velocity_history_is_linear_between_and_constant_outside():
-    velocity = velocity_history([1.0, 3.0], [10.0, 20.0])
+    velocity = VelocityHistory([1.0, 3.0], [10.0, 20.0])
     assert [velocity(t, 0.1) for t in (0.0, 1.0, 2.0, 3.0, 9.0)] == [10.0, 10.0, 15.0, 20.0, 20.0]
 
 
-def test_displacement_history_is_reached_whatever_the_steps():
-    velocity = displacement_history([0.0, 0.4, 1.0], [0.0, 1.0, -2.0])
+def test_DisplacementHistory_is_reached_whatever_the_steps():
+    velocity = DisplacementHistory([0.0, 0.4, 1.0], [0.0, 1.0, -2.0])
     time, place = 0.0, 0.0
     for dt in np.random.default_rng(0).uniform(0.001, 0.09, 30):
         place += dt * velocity(time + 0.5 * dt, dt)
@@ -36,7 +36,7 @@ def test_displacement_history_is_reached_whatever_the_steps():
 
 
 def test_prescribed_points_move_as_told_and_the_others_do_not(block):
-    block.prescribed_motions = [PrescribedMotion(np.array([0, 5]), {1: displacement_history([0.0, 1e-3], [0.0, 1e-4])})]
+    block.prescribed_motions = [PrescribedMotion(np.array([0, 5]), {1: DisplacementHistory([0.0, 1e-3], [0.0, 1e-4])})]
     start = block.particles.position.copy()
     for _ in range(20):
         block.step()
@@ -48,7 +48,7 @@ def test_prescribed_points_move_as_told_and_the_others_do_not(block):
 
 
 def test_prescribed_points_are_found_again_after_a_rebuild(block):
-    motion = PrescribedMotion(np.array([3]), {0: velocity_history([0.0], [0.0])})
+    motion = PrescribedMotion(np.array([3]), {0: VelocityHistory([0.0], [0.0])})
     block.prescribed_motions = [motion]
     block.particles.velocity[:] = [5.0, 0.0]
     for _ in range(100):
@@ -59,7 +59,7 @@ def test_prescribed_points_are_found_again_after_a_rebuild(block):
 
 def test_hold_zero_touches_prescribed_components_only(block):
     free = np.ones((16, 2))
-    PrescribedMotion(np.array([2, 7]), {1: velocity_history([0.0], [0.0])}).hold_zero(block.particles, free)
+    PrescribedMotion(np.array([2, 7]), {1: VelocityHistory([0.0], [0.0])}).hold_zero(block.particles, free)
     expected = np.ones((16, 2))
     expected[[2, 7], 1] = 0.0
     assert (free == expected).all()
@@ -148,7 +148,7 @@ def test_damping_is_integrated_exactly_at_any_rate(cloud, rate):
 
 
 def test_the_last_motion_has_a_component_that_several_prescribe():
-    still, fast = velocity_history([0.0, 1.0], [0.0, 0.0]), velocity_history([0.0, 1.0], [2.0, 2.0])
+    still, fast = VelocityHistory([0.0, 1.0], [0.0, 0.0]), VelocityHistory([0.0, 1.0], [2.0, 2.0])
     first = PrescribedMotion(np.array([1, 2, 5]), {0: still, 1: still})
     last = PrescribedMotion(np.array([2, 7]), {1: fast})
     found = without_overlaps([first, last])

@@ -5,7 +5,7 @@ import pytest
 
 from periporo.contact.rigid import RigidContact
 from periporo.contact.surfaces import Plane
-from periporo.core.loads.boundary import Gravity, PrescribedMotion, ViscousDamping, velocity_history
+from periporo.core.loads.boundary import Gravity, PrescribedMotion, VelocityHistory, ViscousDamping
 from periporo.core.points.forces import WORK, ForceChannels
 from periporo.core.points.particles import Particles
 
@@ -25,7 +25,7 @@ def test_ledger_closes_with_everything_at_once(cloud, grid):
     sim = cloud(position, velocity=velocity, contacts=[contact()], fixed=1e-5, start=False)
     sim.forces.need("damping")
     sim.loads = [Gravity(np.array([2.0, -9.81])), ViscousDamping(30.0)]
-    motion = PrescribedMotion(np.arange(30, 40), {0: velocity_history([0.0, 1.0], [-3.0, 200.0])})
+    motion = PrescribedMotion(np.arange(30, 40), {0: VelocityHistory([0.0, 1.0], [-3.0, 200.0])})
     sim.start()
     sim.prescribed_motions = [motion]
     for _ in range(300):
@@ -57,7 +57,7 @@ def test_work_of_gravity_is_the_change_of_potential(cloud, grid):
 def test_work_of_a_prescribed_motion_is_the_kinetic_energy_that_it_gives(cloud, grid):
     """A free block that is accelerated evenly as a whole: nothing else does work."""
     sim = cloud(grid(4, 4, spacing=SPACING), fixed=1e-5)
-    sim.prescribed_motions = [PrescribedMotion(np.arange(16), {1: velocity_history([0.0, 1.0], [0.0, 3000.0])})]
+    sim.prescribed_motions = [PrescribedMotion(np.arange(16), {1: VelocityHistory([0.0, 1.0], [0.0, 3000.0])})]
     for _ in range(100):
         sim.step()
     entries = sim.ledger.entries()

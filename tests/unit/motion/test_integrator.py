@@ -56,9 +56,10 @@ def test_kicks_and_drift_one_by_one(cloud):
     p.internal_force[0], p.external_force[0] = [2.0 * mass, 0.0], [0.0, 4.0 * mass]
     first_kick(p, forces, dt)
     assert p.velocity[0] == pytest.approx([1.1, 0.2], rel=1e-14) and p.previous_velocity[0].tolist() == [1.0, 0.0]
-    moved = drift(p, forces, dt)
+    moved, way = drift(p, forces, dt)
     assert p.position[0] == pytest.approx([0.11, 0.02], rel=1e-14)
     assert moved == pytest.approx(np.hypot(0.11, 0.02), rel=1e-14)
+    assert way == pytest.approx(moved, rel=1e-14)
     assert p.work[0, :2] == pytest.approx([0.5 * dt * 2.0 * mass * 1.1, 0.5 * dt * 4.0 * mass * 0.2], rel=1e-13)
     second_kick(p, forces, dt)
     assert p.velocity[0] == pytest.approx([1.2, 0.4], rel=1e-14)
@@ -70,4 +71,4 @@ def test_kicks_and_drift_one_by_one(cloud):
 def test_nan_counts_as_moved_wherever_it_is(cloud, grid, point):
     sim = cloud(grid(3, 3, spacing=SPACING), fixed=1e-6)
     sim.particles.position[point] = np.nan
-    assert np.isnan(drift(sim.particles, sim.forces, 1e-6))
+    assert np.isnan(drift(sim.particles, sim.forces, 1e-6)[0])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from periporo.core.loads.boundary import Traction, displacement_history, velocity_history
+from periporo.core.loads.boundary import DisplacementHistory, Traction, VelocityHistory
 from periporo.core.scene.boundaries import build_boundary
 from periporo.errors import InputError
 from periporo.io.geometry.lattice import build_lattices
@@ -18,12 +18,12 @@ def boundary(scene_of, entry, moving=True, folder=".", **keys):
 
 
 def test_histories():
-    displacement = displacement_history((0.0, 1.0, 2.0), (0.0, 0.3, 0.1))
+    displacement = DisplacementHistory((0.0, 1.0, 2.0), (0.0, 0.3, 0.1))
     edges = np.cumsum(np.random.default_rng(1).uniform(0.01, 0.2, 20))
     moved = sum(displacement(0.5 * (a + b), b - a) * (b - a) for a, b in zip(edges, edges[1:], strict=False))
     expected = np.interp(edges[[0, -1]], (0.0, 1.0, 2.0), (0.0, 0.3, 0.1))
     assert moved == pytest.approx(expected[1] - expected[0], abs=1e-15)  # whatever the steps
-    assert velocity_history((0.0, 2.0), (1.0, 3.0))(0.5, 0.1) == pytest.approx(1.5)
+    assert VelocityHistory((0.0, 2.0), (1.0, 3.0))(0.5, 0.1) == pytest.approx(1.5)
 
 
 def test_prescribed_displacement_is_met_at_every_time(scene_of, started):
@@ -83,6 +83,21 @@ def test_traction_on_a_slope_and_on_points_of_a_file(scene_of, tmp_path):
     cloud = slope | {"jitter": 0.0, "shape": {"type": "points", "file": "p.csv"}}
     again, _ = boundary(scene_of, entry, bodies=[cloud], folder=tmp_path)
     assert len(again.ids) == pytest.approx(len(columns), abs=2) and (again.lever == [0.0, 0.005]).all()
+
+
+@pytest.mark.parametrize(("shift", "lattice", "columns"), [(0.0, "shared", 10), (0.005, "own", 10), (0.05, "own", 15)])
+def test_traction_on_a_region_that_spans_bodies_loads_the_last_one_alone(scene_of, shift, lattice, columns):
+    """Twice the load was on two bodies that stand on each other; where one stands out its own top is loaded."""
+    boxes = {"low": ([0.0, 0.0], [0.1, 0.05]), "high": ([shift, 0.05], [0.1 + shift, 0.1])}
+    bodies = [{"name": name, "material": "soil", "lattice": lattice,
+               "shape": {"type": "box", "lower": low, "upper": up}} for name, (low, up) in boxes.items()]  # fmt: skip
+    entry = {"where": {"upper": [None, 1.0]}, "traction": {"stress": [0.0, -2e3], "side": "y+"}}
+    load, scene = boundary(scene_of, entry, bodies=bodies)
+    position = np.concatenate([x for lattice in build_lattices(scene) for _, x, *_ in lattice.chunks()])
+    ids = np.concatenate([i for lattice in build_lattices(scene) for i, *_ in lattice.chunks()])
+    loaded = position[np.isin(ids, load.ids)]
+    assert len(loaded) == columns and (loaded[:, 1] > 0.09).sum() == 10
+    assert len(np.unique(np.rint(loaded[:, 0] / 0.005))) == columns
 
 
 def test_a_loaded_block_accelerates_by_newton(scene_of, started):

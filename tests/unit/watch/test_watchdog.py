@@ -98,7 +98,7 @@ AROUND_9 = range(24)  # four columns of six
 FAULTS = {  # kind -> spoil, text of the message
     "nan_velocity": (nan_velocity, "is not a number"),
     "nan_stress": (nan_stress, "is not a number"),
-    "speed": (too_fast, "has a bond that strains by"),
+    "speed": (too_fast, "times the wave speed"),
     "strain": (strain_jump, "within one step"),
     "energy": (energy_from_nowhere, "energy error of"),
 }

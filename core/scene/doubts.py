@@ -1,0 +1,169 @@
+"""What looks wrong about a scene that can be run, worst first."""
+
+import numpy as np
+
+from periporo.core.motion.timestep import highest_frequency
+from periporo.core.numerics import jit
+from periporo.core.ranks.reductions import maximum, minimum
+from periporo.core.scene.build import vertical_axis
+
+_SOFT = 0.05  # weight over bulk modulus
+_SHORTER = 0.8  # of the bodies' own time step: what a contact may leave of it
+
+
+def doubts_about(scene, sim) -> list[str]:
+    """Remarks on a simulation that has just started, worst first; the same on all ranks."""
+    return [
+        *without_company(sim, scene),
+        *_step_too_long(sim),
+        *_too_soft(sim, scene),
+        *_histories_before_their_stage(scene),
+        *_rest_that_cannot_be(scene),
+        *_stiff_contacts(sim, scene),
+        *_doubts_of_laws(sim, scene),
+        *jit.remarks,
+    ]
+
+
+def without_company(sim, scene) -> list[str]:
+    """A remark on each body with points that have no regular company and so bear no stress."""
+    p, n = sim.particles, sim.particles.owned
+    alone = p.share[:n, 1] == 0.0
+    remarks = []
+    for k, body in enumerate(scene.bodies):
+        mine = np.array([(alone & (p.body[:n] == k)).sum(), (p.body[:n] == k).sum()])
+        count, points = (int(c) for c in sim.comm.allreduce(mine))
+        if count:
+            remarks.append(
+                f"{count:,} of the {points:,} points of body '{body.name}' bear no stress: they stand alone, in a pair "
+                "or in a row; make it two points thick or more, by a smaller spacing"
+            )
+    return remarks
+
+
+def _step_too_long(sim) -> list[str]:
+    """A remark on a fixed time step beyond the stability limit of the initial state."""
+    fixed = sim.time_step.fixed
+    if fixed is None:
+        return []
+    frequency = highest_frequency(sim)
+    if not fixed * frequency > 2.0:
+        return []
+    return [f"the fixed time step of {fixed:.3g} s is longer than the stability limit of {2.0 / frequency:.3g} s"]
+
+
+def _too_soft(sim, scene) -> list[str]:
+    """A remark on each soil that what stands on it would compress by more than `_SOFT`."""
+    gravity = scene.vector(scene.gravity)
+    strength = float(np.sqrt((gravity**2).sum()))
+    if strength == 0.0:
+        return []
+    depth = _weight_above(sim, scene) / strength  # kg/m^2
+    doubts = []
+    for k, block in enumerate(sim.bonds.blocks):
+        bulk, _ = block.elastic_moduli()
+        index, first, second, _ = sim.bonds.layout.ends(block, sim.bonds.pairs)
+        mine = block.active & (first[index] < sim.particles.owned)
+        strain = np.zeros(len(bulk))
+        strain[mine] = depth[first[index][mine]] * strength / bulk[mine]
+        worst = maximum(sim.comm, float(strain.max(initial=0.0)))
+        if worst > _SOFT:
+            at = int(strain.argmax()) if len(strain) else 0
+            found = (strain[at], bulk[at], depth[first[index][at]]) if len(strain) else (0.0, 0.0, 0.0)
+            _, modulus, mass = max(sim.comm.allgather(tuple(map(float, found))))
+            doubts.append(
+                f"the weight of {mass / block.material.density:.3g} m of soil is {worst:.2g} of the bulk modulus, "
+                f"{modulus:.3g} Pa, of material '{list(scene.materials)[k]}'; are its moduli in Pa?"
+            )
+    return doubts
+
+
+def _weight_above(sim, scene) -> np.ndarray:
+    """Weight per area (owned,) Pa of the points above each one and of half of itself, in columns a spacing wide."""
+    p, n, h = sim.particles, sim.particles.owned, sim.spacing
+    axis = vertical_axis(scene)
+    down = float(scene.vector(scene.gravity)[axis])
+    level = -np.sign(down) * p.position[:n, axis]
+    columns = np.floor(np.delete(p.position[:n], axis, axis=1) / h).astype(np.int64)
+    tables = sim.comm.allgather((columns, level, p.mass))
+    everywhere, levels, masses = (np.concatenate(parts) for parts in zip(*tables, strict=True))
+    _, column = np.unique(everywhere, axis=0, return_inverse=True)
+    order = np.lexsort((-levels, column.ravel()))  # column by column from the top
+    column, masses = column.ravel()[order], masses[order]
+    total = np.cumsum(masses)
+    begins = np.flatnonzero(np.concatenate([[True], column[1:] != column[:-1]])[: len(column)])
+    before = np.repeat((total - masses)[begins], np.diff([*begins, len(column)]))
+    above = np.empty(len(order))
+    above[order] = total - before - 0.5 * masses
+    start = sum(len(t[1]) for t in tables[: sim.comm.rank])
+    return above[start : start + n] * abs(down) / h ** (p.dimension - 1)
+
+
+def _histories_before_their_stage(scene) -> list[str]:
+    """A remark on each boundary whose history is over when a stage begins that uses it."""
+    begin, doubts = 0.0, []
+    for stage in scene.stages:
+        for name in stage.boundaries if stage.type == "dynamics" else ():
+            boundary = scene.boundaries[name]
+            for kind in ("velocity", "displacement"):
+                parts = getattr(boundary, kind)
+                histories = [] if parts is None else [h for h in (parts.x, parts.y, parts.z) if h is not None]
+                ends = [h.times[-1] for h in histories if len(set(h.values)) > 1]
+                if ends and begin > 0.0 and max(ends) <= begin:
+                    doubts.append(
+                        f"the {kind} of boundary '{name}' ends at {max(ends):g} s, before stage '{stage.name}' begins "
+                        f"at {begin:g} s: it is over; times count from the start of the run"
+                    )
+        begin += getattr(stage, "duration", 0.0)
+    return doubts
+
+
+def _rest_that_cannot_be(scene) -> list[str]:
+    """A remark on each stage that is to end at rest while something goes on to its end."""
+    doubts, begin = [], 0.0
+    for stage in scene.stages:
+        if stage.type != "dynamics":
+            continue
+        end = begin + stage.duration
+        for name in stage.boundaries if stage.stop_when_at_rest is not None else ():
+            parts = scene.boundaries[name].velocity
+            if parts is None:
+                continue
+            if any(np.interp(end, h.times, h.values) != 0.0 for h in (parts.x, parts.y, parts.z) if h is not None):
+                doubts.append(f"stage '{stage.name}' is to stop at rest, but boundary '{name}' moves until its end")
+        begin = end
+    return doubts
+
+
+def _stiff_contacts(sim, scene) -> list[str]:
+    """A remark on each contact, of any stage, that makes the time step shorter than the bodies need."""
+    contacts, sim.contacts = sim.contacts, []
+    frequency = highest_frequency(sim)
+    sim.contacts = contacts
+    lightest = minimum(sim.comm, float(sim.particles.mass.min(initial=np.inf)))
+    doubts = []
+    for number, model in enumerate(scene.contacts):
+        if frequency == 0.0 or model.stiffness is None or model.type == "short_range_published":
+            continue
+        stiffness = model.stiffness * scene.spacing ** (scene.dimension - 1) * (2.0 if model.type == "bodies" else 1.0)
+        share = frequency / np.sqrt(frequency**2 + stiffness / lightest)
+        if share < _SHORTER:
+            doubts.append(
+                f"the stiffness of contacts[{number}] ({model.type}), {model.stiffness:.3g} N/m^3, makes the time step "
+                f"{1.0 / share:.2g} times as short as the bodies need while it acts; leave it out, or make it less"
+            )
+    return doubts
+
+
+def _doubts_of_laws(sim, scene) -> list[str]:
+    """What the laws find wrong with their parameters and rows; of several ranks the lowest that has a doubt speaks."""
+    doubts = []
+    for name, block in zip(scene.materials, sim.bonds.blocks, strict=True):
+        found = {}
+        if hasattr(block.material, "doubts"):
+            found = block.material.doubts(block.stress[block.active], block.state[block.active])
+        merged: dict[str, str] = {}
+        for mine in reversed(sim.comm.allgather(found)):
+            merged |= mine
+        doubts += [f"material '{name}': {text}" for text in merged.values()]
+    return doubts

@@ -1,0 +1,105 @@
+"""What stages do to each other: velocities after a relaxation, rest, steps that a contact sets, displacements."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from periporo.core.motion.relaxation import RelaxationError
+from periporo.core.scene.build import build
+from periporo.errors import InputError
+from periporo.io.input.load import parse_scene
+
+SOFT = {"model": "elastic", "density": 1800.0, "bulk_modulus": 25e5, "shear_modulus": 15e5}
+SETTLE = {"name": "settle", "type": "relax", "tolerance": 1e-3}
+
+
+def built(scene):
+    return build(parse_scene(scene), MPI.COMM_SELF)
+
+
+def test_a_velocity_waits_for_the_first_motion(scene_of):
+    """The stone neither loses its velocity in the relaxation nor falls on the soil there."""
+    scene = scene_of(counts=(6, 4), materials=SOFT)
+    stone = {"type": "box", "lower": [-0.01, 0.06], "upper": [0.01, 0.08]}
+    scene["bodies"].append({"name": "stone", "material": "soil", "velocity": [0.2, -1.0], "shape": stone})
+    scene["contacts"].append({"type": "bodies", "between": "all", "friction": 0.3})
+    scene["stages"] = [SETTLE, {"name": "fall", "type": "dynamics", "duration": 1e-9}]
+    sim = built(scene)
+    p = sim.particles
+    sim.run()
+    mine = p.body == 1
+    way = (p.position - p.initial_position)[mine]  # of the one step
+    assert sim.time < 2e-4 and way == pytest.approx(np.tile([0.2, -1.0], (mine.sum(), 1)) * sim.time, abs=1e-7)
+    assert p.velocity[mine] == pytest.approx(np.tile([0.2, -1.0], (mine.sum(), 1)), abs=2e-3)  # and gravity
+    energies = sim.ledger.entries()
+    assert energies["prescribed_work"] == pytest.approx(0.5 * p.mass[mine].sum() * 1.04, rel=1e-9)
+    assert abs(energies["energy_residual"] - energies["integration_term"]) < 1e-12 * energies["prescribed_work"]
+    scene["stages"] = [SETTLE]
+    with pytest.raises(InputError, match=r"bodies\[1\]\.velocity: would never act"):
+        built(scene)
+
+
+@pytest.mark.parametrize("speed", [-0.5, 0.5])
+def test_rest_is_not_before_a_plate_arrives(scene_of, speed):
+    """A plate 2 mm above the soil comes down in 4 ms; one that goes up is not waited for."""
+    scene = scene_of(counts=(6, 4), materials=SOFT, gravity=[0.0, 0.0])
+    plate = {"type": "plane", "point": [0.0, 0.042], "normal": [0.0, -1.0], "friction": 0.0, "velocity": [0.0, speed]}
+    scene["contacts"].append(plate)
+    scene["bodies"][0]["velocity"] = [0.0, 1e-3]  # a little, which damping takes away
+    scene["stages"] = [{"name": "go", "type": "dynamics", "duration": 0.02, "stop_when_at_rest": 1e-3,
+                        "damping": {"viscous": 5e3}}]  # fmt: skip
+    sim = built(scene)
+    sim.run()
+    assert (sim.time >= 0.02) == (speed < 0.0)
+
+
+def test_nothing_is_not_at_rest_and_what_is_scheduled_is_awaited(scene_of):
+    history = {"times": [0.0, 0.02, 0.03], "values": [0.0, 0.0, 1e-4]}
+    scene = scene_of(counts=(6, 4), materials=SOFT, gravity=[0.0, 0.0])
+    scene["boundaries"] = {"push": {"where": {"upper": [None, 0.01]}, "displacement": {"y": history}}}
+    stage = {"name": "go", "type": "dynamics", "duration": 0.1, "stop_when_at_rest": 1e-2,
+             "damping": {"viscous": 1e3}}  # fmt: skip
+    scene["stages"] = [stage | {"boundaries": ["push"]}]
+    sim = built(scene)
+    sim.run()
+    assert 0.03 < sim.time < 0.09
+    sim = built(scene | {"stages": [stage]})
+    sim.run()
+    assert sim.time >= 0.0999  # no motion, so no peak to rest from
+
+
+def test_the_step_is_chosen_when_a_stage_begins(scene_of):
+    """A plane a thousand times as stiff appears in the middle of an interval; the flight ends as it began."""
+    stiff = {"type": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "friction": 0.0, "stiffness": 1e12,
+             "stages": ["hit"]}  # fmt: skip
+    scene = scene_of(counts=(6, 4), materials=SOFT, gravity=[0.0, 0.0], contacts=[stiff])
+    scene["bodies"][0]["shape"] = {"type": "box", "lower": [0.0, 1e-4], "upper": [0.06, 0.0401]}
+    scene["bodies"][0]["velocity"] = [0.0, -0.1]
+    scene["stages"] = [{"name": "fly", "type": "dynamics", "duration": 2.5e-4},
+                       {"name": "hit", "type": "dynamics", "duration": 1.6e-3}]  # fmt: skip
+    sim = built(scene)
+    sim.run()
+    energies = sim.ledger.entries()
+    assert sim.particles.velocity[:, 1].max() > 0.05
+    total = energies["kinetic_energy"] + energies["internal_energy"] + energies["contact_energy"]
+    assert total == pytest.approx(sim.ledger.initial_kinetic, rel=1e-2)
+
+
+def test_what_flows_does_not_settle(scene_of):
+    """A slope of loose soil; its displacement is told where it stands, and limited where it does not."""
+    loose = {"model": "drucker_prager", "density": 1800.0, "bulk_modulus": 25e5, "shear_modulus": 15e5,
+             "friction_angle": 5.0, "cohesion": 0.0}  # fmt: skip
+    scene = scene_of(counts=(10, 10), materials=loose, stages=[SETTLE | {"max_steps": 5000}])
+    sim = built(scene)
+    with pytest.raises(RelaxationError, match=r"body 'block' has moved by .* m, more than the 0\.01 m"):
+        sim.run()
+    scene["materials"] = {"soil": SOFT}
+    scene["stages"][0] |= {"reset_displacement": True}
+    sim = built(scene)
+    told = []
+    sim.observers = [type("Ear", (), {
+        "start_stage": lambda self, sim, stage: None, "after_step": lambda self, sim: None,
+        "finish_stage": lambda self, sim, stage, summary: told.append(summary)})()]  # fmt: skip
+    sim.run()
+    assert "largest displacement 2.23e-05 m" in told[0]
+    assert (sim.particles.position == sim.particles.initial_position).all()

@@ -1,0 +1,84 @@
+"""What `periporo check` doubts, and that it doubts nothing else."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from periporo.core.scene.build import build
+from periporo.core.scene.doubts import _weight_above, doubts_about
+from periporo.errors import InputError
+from periporo.io.input.load import parse_scene
+
+
+def doubts(scene):
+    parsed = parse_scene(scene)
+    sim = build(parsed, MPI.COMM_SELF)
+    sim.start()
+    return doubts_about(parsed, sim)
+
+
+def test_a_sound_scene_leaves_none(scene_of):
+    assert doubts(scene_of()) == []
+
+
+def test_soft_soil_is_judged_by_the_soil_above_it(scene_of):
+    """Two blocks on the same floor level, one of them on a terrace: 0.24 m stand there, not 1.2 m."""
+    soft = {"model": "elastic", "density": 2000.0, "bulk_modulus": 5e4, "shear_modulus": 3e4}
+    scene = scene_of(materials=soft, spacing=0.02, contacts=[])
+    boxes = [([0.0, 0.0], [0.2, 0.24]), ([0.3, 1.0], [0.5, 1.2])]
+    scene["bodies"] = [{"name": f"b{k}", "material": "soil", "shape": {"type": "box", "lower": low, "upper": up}}
+                       for k, (low, up) in enumerate(boxes)]  # fmt: skip
+    (text,) = doubts(scene)
+    assert text.startswith("the weight of 0.23 m of soil is 0.09 of the bulk modulus, 5e+04 Pa, of material 'soil'")
+    parsed = parse_scene(scene)
+    sim = build(parsed, MPI.COMM_SELF)
+    sim.start()
+    p = sim.particles
+    top = np.where(p.body == 0, 0.24, 1.2)
+    assert _weight_above(sim, parsed) == pytest.approx(2000.0 * 9.81 * (top - p.position[:, 1]), rel=1e-9)
+
+
+def test_histories_that_are_over_before_their_stage(scene_of):
+    history = {"times": [0.0, 1e-3], "values": [0.0, 1e-3]}
+    scene = scene_of(boundaries={"push": {"where": {"upper": [None, 0.01]}, "displacement": {"x": history}}})
+    scene["stages"] = [{"name": "wait", "type": "dynamics", "duration": 2e-3},
+                       {"name": "push", "type": "dynamics", "duration": 2e-3, "boundaries": ["push"]}]  # fmt: skip
+    (text,) = doubts(scene)
+    assert "boundary 'push' ends at 0.001 s, before stage 'push' begins at 0.002 s" in text
+    scene["stages"][0] |= {"type": "relax", "name": "settle"}
+    scene["stages"][0].pop("duration")
+    assert doubts(scene) == []  # a relaxation takes no time
+
+
+def test_a_stage_that_cannot_come_to_rest(scene_of):
+    scene = scene_of(boundaries={"drag": {"where": {"upper": [None, 0.01]}, "velocity": {"x": 0.1}}})
+    scene["stages"][0] |= {"boundaries": ["drag"], "stop_when_at_rest": 1e-3}
+    assert doubts(scene) == ["stage 'fall' is to stop at rest, but boundary 'drag' moves until its end"]
+
+
+def test_a_contact_that_sets_the_step(scene_of):
+    scene = scene_of()
+    scene["contacts"].append(scene["contacts"][0] | {"stiffness": 1e13, "stages": ["fall"]})
+    (text,) = doubts(scene)
+    assert text.startswith("the stiffness of contacts[1] (plane), 1e+13 N/m^3, makes the time step ")
+
+
+@pytest.mark.parametrize("kind", ["box", "short_range_published"])
+@pytest.mark.parametrize("stage", ["first", "later"])
+def test_obstacles_that_appear_in_soil_are_refused_whatever_the_stage(scene_of, kind, stage):
+    scene = scene_of(contacts=[])
+    scene["stages"] = [{"name": name, "type": "dynamics", "duration": 1e-3} for name in ("first", "later")]
+    contact = {"type": kind, "stages": [stage]}
+    if kind == "box":
+        contact |= {"lower": [-0.02, 0.06], "upper": [0.02, 0.2], "friction": 0.1}
+    else:
+        contact |= {"substrate": {"lower": [-0.02, 0.06], "upper": [0.02, 0.2]}}
+    scene["contacts"] = [contact]
+    with pytest.raises(InputError, match=r"contacts\[0\]: the body 'block' reaches 0\.0.* m into this"):
+        doubts(scene)
+    contact["cleared"] = True
+    if stage == "later":
+        doubts(scene)
+    else:
+        with pytest.raises(InputError, match="reaches"):
+            doubts(scene)
