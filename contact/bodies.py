@@ -61,8 +61,8 @@ class BodiesContact:
             p.add_field(Field("face_spring", d, "m", sent=False))
             p.add_field(Field("face_mass", None, "kg", migrates=False))  # which ghosts lack otherwise
             p.add_field(Field("face_drag", d, "1", migrates=False))  # spring force over normal force
-        forces.need("contact")
-        forces.need("friction")
+        forces.need("contact", on_faces=True)
+        forces.need("friction", on_faces=True)
 
     def appear(self, p: Particles, time: float, before: list) -> None:
         """Begin to act, after a stage with the contacts `before`.
@@ -107,24 +107,22 @@ class BodiesContact:
         self._look(p)
         if not self._present:
             return
-        self.faces.move(p, dt)
         self._renew(p)
-        p.face_moment[:] = 0.0
+        self._sim.halo.update(p, "face", "face_gradient")
         sums = np.zeros((p.owned, 3 + 2 * p.dimension))
         _normal_force(
-            self._ends[0], self._ends[1], p.owned, p.body, p.position, p.velocity, p.face, p.face_gradient,
+            self._ends[0], self._ends[1], p.owned, p.body, p.position, p.velocity, p.face, p.face_gradient, p.share,
             p.face_mass, dt, _SOON * self._sim.spacing, self._sim.spacing, self.stiffness, self.friction,
             self.damping, self._pressure, self._arm,
-            sums, p.contact_force, p.friction_force, p.face_moment, p.dim,
+            sums, p.contact_force, p.contact_moment, p.friction_force, p.friction_moment, p.dim,
         )  # fmt: skip
         if self.friction.any():
             _stretch_springs(sums, dt, p.face_spring, p.face_drag, p.dim)
             self._sim.halo.update(p, "face_drag")
             _friction_force(
-                self._ends[0], self._ends[1], self._pressure, self._arm, p.face_drag, p.friction_force, p.face_moment,
-                p.dim,
+                self._ends[0], self._ends[1], p.owned, self._pressure, self._arm, p.share, p.face_drag,
+                p.friction_force, p.friction_moment, p.dim,
             )  # fmt: skip
-        self.faces.spread(p, p.contact_force, p.friction_force)
 
     def add_stiffness(self, p: Particles, time: float, ahead: float, stiffness: np.ndarray) -> None:
         """Add the contact's stiffness (N/m) to `stiffness` (owned,) of the points that may touch."""
@@ -138,20 +136,17 @@ class BodiesContact:
         """Nothing that moves by itself."""
         return False
 
-    def resist(
-        self, p: Particles, time: float, ahead: float, dt: float, force: np.ndarray, moment: np.ndarray
-    ) -> None:
-        """Add to `force` (total, d) what pairs that may touch soon hold against a motion with `velocity` for `dt`."""
+    def resist(self, p: Particles, time: float, dt: float, force: np.ndarray, moment: np.ndarray) -> None:
+        """Add what pairs that may touch soon hold against a motion with `velocity` for `dt`: forces on their faces."""
         self._look(p)
         if not self._present:
             return
         self.faces.find_gradients(p)
-        p.face_moment[:] = 0.0
+        self._sim.halo.update(p, "face_gradient")
         _resist(
-            self._ends[0], self._ends[1], p.body, p.position, p.velocity, p.face, p.face_gradient, dt,
-            self._sim.spacing, self.stiffness, self.friction, force, p.face_moment, p.dim,
+            self._ends[0], self._ends[1], p.owned, p.body, p.position, p.velocity, p.face, p.face_gradient, p.share,
+            dt, self._sim.spacing, self.stiffness, self.friction, force, moment, p.dim,
         )  # fmt: skip
-        self.faces.spread(p, force)
 
     def _look(self, p):
         """Pairs that may touch before the next rebuild, in the order of their ids; none if the bodies are far apart."""
@@ -167,7 +162,6 @@ class BodiesContact:
         self._pressure, self._arm = np.zeros(n), np.zeros((n, 2 * d))
         p.face_mass[: p.owned] = p.mass
         self._sim.halo.update(p, "face_mass")
-        self.faces.follow(p, np.unique(self._ends))
 
     def _meeting(self, p, reach):
         """Rows within `reach` of the box around a body that their own body touches."""
@@ -194,7 +188,9 @@ class BodiesContact:
             return
         self._renewed_in = sim.rebuild_count
         pairs = self.stiffness > 0.0
-        renewed = self.faces.renew(p, self._overlaps(p, pairs, WIDTH) > _TOUCH * sim.spacing)
+        rows = np.unique(self._ends)
+        touched = self._overlaps(p, pairs, WIDTH) > _TOUCH * sim.spacing
+        renewed = self.faces.renew(p, rows[rows < p.owned], touched)
         sim.halo.update(p, "face")
         self._draw_back(p, pairs, renewed, 1.0)
 
@@ -253,8 +249,9 @@ def _add_stiffness(
 
 @kernel
 def _resist(
-    first, second, body, position, velocity, face, gradient, dt, spacing, stiffness, friction, force, moment, dim
-):
+    first, second, owned, body, position, velocity, face, gradient, share, dt, spacing, stiffness, friction, force,
+    moment, dim,
+):  # fmt: skip
     """Force and moments of linear springs in place of all pairs that may touch soon."""
     d = len(dim)
     n = d * d
@@ -273,14 +270,16 @@ def _resist(
             force[i, a] += pull * slope[a] - along * slip[a]
             force[j, a] -= pull * slope[a] - along * slip[a]
             for c in range(d):
-                moment[i, a * d + c] += pull * turn[a * d + c] - along * slip[a] * arm[c]
-                moment[j, a * d + c] += pull * turn[n + a * d + c] + along * slip[a] * arm[d + c]
+                if i < owned:
+                    moment[i, a * d + c] += share[i, 1] * (pull * turn[a * d + c] - along * slip[a] * arm[c])
+                if j < owned:
+                    moment[j, a * d + c] += share[j, 1] * (pull * turn[n + a * d + c] + along * slip[a] * arm[d + c])
 
 
 @kernel
 def _normal_force(
-    first, second, owned, body, position, velocity, face, gradient, mass, dt, soon, spacing, stiffness, friction,
-    damping, pressures, arms, sums, contact, shear, moment, dim,
+    first, second, owned, body, position, velocity, face, gradient, share, mass, dt, soon, spacing, stiffness, friction,
+    damping, pressures, arms, sums, contact, contact_moment, shear, shear_moment, dim,
 ):  # fmt: skip
     """Add the elastic and the damping force of all pairs, and their moments.
 
@@ -321,11 +320,12 @@ def _normal_force(
         for side in range(2):
             p = i if side == 0 else j
             nearest = sideways * (gap + reach) * face[p, 1]  # through the depth of the first face
-            for a in range(d):
+            for a in range(d if p < owned else 0):
                 for c in range(d):
-                    part = turn[side * n + a * d + c]
-                    moment[p, a * d + c] += deeper * part + nearest * face[p, 2 + a] * face[p, 2 + c]
-                    moment[p, n + a * d + c] -= viscous * part
+                    part = share[p, 1] * turn[side * n + a * d + c]
+                    through = share[p, 1] * nearest * face[p, 2 + a] * face[p, 2 + c]
+                    contact_moment[p, a * d + c] += deeper * part + through
+                    shear_moment[p, a * d + c] -= viscous * part
         pressure = max(elastic + viscous, 0.0)
         pressures[b], arms[b] = pressure, arm
         find_slip(velocity, gradient, i, j, slope, arm, slip, d)
@@ -369,9 +369,8 @@ def _stretch_springs(sums, dt, spring, drag, dim):
 
 
 @kernel
-def _friction_force(first, second, pressures, arms, drag, shear, moment, dim):
+def _friction_force(first, second, owned, pressures, arms, share, drag, shear, moment, dim):
     d = len(dim)
-    n = d * d
     for b in range(first.shape[0]):
         pressure = pressures[b]
         if pressure == 0.0:
@@ -382,5 +381,7 @@ def _friction_force(first, second, pressures, arms, drag, shear, moment, dim):
             shear[i, a] += f
             shear[j, a] -= f
             for c in range(d):
-                moment[i, n + a * d + c] += f * arms[b, c]
-                moment[j, n + a * d + c] -= f * arms[b, d + c]
+                if i < owned:
+                    moment[i, a * d + c] += share[i, 1] * f * arms[b, c]
+                if j < owned:
+                    moment[j, a * d + c] -= share[j, 1] * f * arms[b, d + c]

@@ -10,9 +10,9 @@ which points into the body, and vanishes inside. Faces go with the material, who
 
     dn/dt = -(I - n n^T) L^T n,  dd/dt = d n.L n,
 
-and move with v + L n d. A force on a face acts with its conjugate: on the point, and with its moment, force (x) n d, on
-the neighbours through which L sees it. Whatever is a function of faces has thus a force that does exactly its work, and
-exact momenta.
+and move with v + L n d, as those of loads do (`periporo.core.points.faces`). A force on a face acts with its conjugate:
+on the point, and with its moment, force (x) n d, against the point's stress. Whatever is a function of faces has thus a
+force that does exactly its work, and exact momenta.
 """
 
 import numpy as np
@@ -36,22 +36,22 @@ class Faces:
     """Faces of the points of the simulation `sim`.
 
     Point fields: `face` holds the point's share of its body's surface (1), then for each face the depth (m, or the
-    radius of a ball) and the normal (d); `face_gradient` (d*d) 1/s and `face_moment` (2 d*d), of the channels `contact`
-    and `friction`, are scratch, as is `face_near`: whether a point may touch another.
+    radius of a ball) and the normal (d); `face_gradient` (d*d) 1/s, scratch, what moves the faces: integrity times
+    velocity gradient, for a point in a lump has less of one.
     """
+
+    output: tuple[str, ...] = ()
 
     def __init__(self, sim):
         self.sim = sim
-        self.near = np.empty(0, np.int64)  # pairs of neighbours that make the faces move
-        self.rows = np.empty(0, np.int64)
+        self._ids = None  # of the points that the rows are of
+        self._faced = np.empty(0, np.int64)
 
     def attach(self, p: Particles) -> None:
         """Declare the point fields."""
         d = p.dimension
         p.add_field(Field("face", 1 + FACES[d] * (1 + d), "1, m, 1"))
         p.add_field(Field("face_gradient", d * d, "1/s", migrates=False))
-        p.add_field(Field("face_moment", 2 * d * d, "", migrates=False))
-        p.add_field(Field("face_near", None, "1", migrates=False))
 
     def share_out(self, sim) -> None:
         """Make up for the rows of a face that end at an edge, or that a lattice cuts in steps; once, at the start."""
@@ -65,54 +65,32 @@ class Faces:
         depth = maximum(self.sim.comm, float(face[face[:, 0] > 0.0, 1].max(initial=0.5 * spacing)))
         return float(np.hypot(WIDTH * spacing, 2.0 * depth) + self.sim.skin)
 
-    def follow(self, p: Particles, rows: np.ndarray) -> None:
-        """Look after the faces of the points `rows`, on other ranks too, until the next rebuild; collective."""
-        pairs = self.sim.bonds.pairs
-        p.face_near[:] = 0.0
-        p.face_near[rows] = 1.0
-        self.sim.halo.update(p, "face_near")  # a ghost may touch what is no ghost here
-        wanted = p.face_near > 0.0
-        self.rows = np.flatnonzero(wanted)
-        self.near = np.flatnonzero(wanted[pairs.first] | wanted[pairs.second])
+    def update(self, p: Particles, bonds, dt: float) -> None:
+        """What a step of `dt` s does to the faces of the owned points, a process of the points."""
+        if self._ids is not p.id:
+            self._ids, self._faced = p.id, np.flatnonzero(p.face[: p.owned, 2:].any(axis=1))
+        self.find_gradients(p)
+        _move_faces(self._faced, p.face, p.face_gradient, dt, p.dim)
 
-    def renew(self, p: Particles, touched: np.ndarray) -> np.ndarray:
-        """Give points at a new surface a face: which (total,) got one.
+    def find_gradients(self, p: Particles) -> None:
+        """Fill `face_gradient` of the owned points."""
+        np.multiply(p.share[: p.owned, 1:2], p.gradient[: p.owned], out=p.face_gradient[: p.owned])
+
+    def renew(self, p: Particles, rows: np.ndarray, touched: np.ndarray) -> np.ndarray:
+        """Give those of the owned `rows` that are at a new surface a face: which (total,) got one.
 
         Those that are `touched` (total,) keep what they have.
         """
         pairs = self.sim.bonds.pairs
         inward, renewed = np.zeros((p.total, p.dimension)), np.zeros(p.total, np.bool_)
+        chosen = np.isin(np.arange(p.total), rows)
+        near = np.flatnonzero(chosen[pairs.first] | chosen[pairs.second])
         _point_inward(
-            self.near, pairs.first, pairs.second, pairs.weight, p.position, p.volume, self.sim.scheme.horizon, inward,
-            p.dim,
-        )  # fmt: skip
-        _renew(self.rows, p.owned, touched, p.share, inward, 0.5 * self.sim.spacing, p.face, renewed, p.dim)
+            near, pairs.first, pairs.second, pairs.weight, p.position, p.volume, self.sim.scheme.horizon, inward, p.dim
+        )
+        _renew(rows, touched, p.share, inward, 0.5 * self.sim.spacing, p.face, renewed, p.dim)
+        self._ids = None
         return renewed
-
-    def move(self, p: Particles, dt: float) -> None:
-        """Velocity gradients of the points, and what they do to the faces in `dt`; collective."""
-        self.find_gradients(p)
-        _move_faces(self.rows, p.face, p.face_gradient, dt, p.dim)
-
-    def find_gradients(self, p: Particles) -> None:
-        """Fill `face_gradient`; collective."""
-        pairs = self.sim.bonds.pairs
-        _find_gradients(
-            self.near, self.rows, p.owned, pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.volume,
-            p.shape_inverse, p.share, p.face_gradient, p.dim,
-        )  # fmt: skip
-        self.sim.halo.update(p, "face_gradient")
-
-    def spread(self, p: Particles, *forces: np.ndarray) -> None:
-        """Add the forces of the moments of each channel to the array of that channel; collective."""
-        pairs = self.sim.bonds.pairs
-        _close_moments(self.rows, p.owned, p.shape_inverse, p.share, p.face_moment, p.dim)
-        self.sim.halo.update(p, "face_moment")
-        for channel, force in enumerate(forces):
-            _spread_moments(
-                self.near, pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.face_moment, channel,
-                force, p.dim,
-            )  # fmt: skip
 
 
 def hat(depth: np.ndarray, spacing: float) -> np.ndarray:
@@ -172,12 +150,12 @@ def _point_inward(near, first, second, weight, position, volume, horizon, inward
 
 
 @kernel
-def _renew(rows, owned, touched, share, inward, half, face, renewed, dim):
+def _renew(rows, touched, share, inward, half, face, renewed, dim):
     d = len(dim)
     total = np.zeros(d)
     for k in range(rows.shape[0]):
         i = rows[k]
-        if i >= owned or touched[i]:
+        if touched[i]:
             continue
         square = 0.0
         for a in range(d):
@@ -209,29 +187,6 @@ def _renew(rows, owned, touched, share, inward, half, face, renewed, dim):
 
 
 @kernel
-def _find_gradients(
-    near, rows, owned, first, second, weight, position, velocity, volume, shape_inverse, share, gradient, dim
-):
-    """Integrity times velocity gradient of the owned points among `rows`: a point in a lump has less of one."""
-    for k in range(rows.shape[0]):
-        gradient[rows[k], :] = 0.0
-    for k in range(near.shape[0]):
-        b = near[k]
-        if weight[b] == 0.0:
-            continue
-        i, j = first[b], second[b]
-        moment = la.dyad(la.difference(velocity, i, j, dim), la.difference(position, i, j, dim))
-        for c in range(gradient.shape[1]):
-            gradient[i, c] += weight[b] * volume[j] * moment[c]
-            gradient[j, c] += weight[b] * volume[i] * moment[c]
-    for k in range(rows.shape[0]):
-        i = rows[k]
-        if i < owned:
-            moment = la.scaled(la.matrix_at(gradient, i, 0, dim), share[i, 1])
-            la.store(gradient, i, 0, la.times_shape(moment, la.shape_at(shape_inverse, i, 0, dim)))
-
-
-@kernel
 def _move_faces(rows, face, gradient, dt, dim):
     """n <- (I - dt L)^T n, to unit length: exact in a rigid rotation if L is that of the step's end."""
     d = len(dim)
@@ -252,33 +207,3 @@ def _move_faces(rows, face, gradient, dt, dim):
                 face[i, n - 1] *= 1.0 + dt * stretch
                 for a in range(d):
                     face[i, n + a] = turned[a] / np.sqrt(square)
-
-
-@kernel
-def _close_moments(rows, owned, shape_inverse, share, moment, dim):
-    """M K^-1, with the integrity that the gradient has, of both channels of the owned points."""
-    n = len(dim) * len(dim)
-    for k in range(rows.shape[0]):
-        i = rows[k]
-        if i >= owned:
-            continue
-        for channel in range(2):
-            m = la.scaled(la.matrix_at(moment, i, channel * n, dim), share[i, 1])
-            la.store(moment, i, channel * n, la.times_shape(m, la.shape_at(shape_inverse, i, 0, dim)))
-
-
-@kernel
-def _spread_moments(near, first, second, weight, position, volume, moment, channel, force, dim):
-    start = channel * len(dim) * len(dim)
-    for k in range(near.shape[0]):
-        b = near[k]
-        if weight[b] == 0.0:
-            continue
-        i, j = first[b], second[b]
-        xi = la.difference(position, i, j, dim)
-        own = la.apply(la.matrix_at(moment, i, start, dim), xi)
-        other = la.apply(la.matrix_at(moment, j, start, dim), xi)
-        for a in range(len(dim)):
-            pull = weight[b] * (volume[j] * own[a] + volume[i] * other[a])
-            force[i, a] -= pull
-            force[j, a] += pull

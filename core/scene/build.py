@@ -85,6 +85,7 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
     for contact in (*(c for _, c in contacts), *between.values()):
         contact.attach(particles, sim.forces)
     if between:
+        sim.point_processes.append(faces)
         sim.reaches.append(faces.find_reach)
         sim.preparations += [faces.share_out, lambda sim: refuse_overlaps(scene, between, sim)]
     for stage in scene.stages:

@@ -338,7 +338,7 @@ def test_nothing_is_done_while_nothing_is_near():
     for _ in range(3):
         sim.step()
     assert contact._ends.size == 0 and not contact._present
-    assert not sim.particles.contact_force.any() and not sim.particles.face_gradient.any()
+    assert not sim.particles.contact_force.any() and not sim.particles.contact_moment.any()
 
 
 def test_bodies_in_contact_do_not_bond_and_others_do():
