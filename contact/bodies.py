@@ -136,7 +136,9 @@ class BodiesContact:
         """Nothing that moves by itself."""
         return False
 
-    def resist(self, p: Particles, time: float, dt: float, force: np.ndarray, moment: np.ndarray) -> None:
+    def resist(
+        self, p: Particles, time: float, ahead: float, dt: float, force: np.ndarray, moment: np.ndarray
+    ) -> None:
         """Add what pairs that may touch soon hold against a motion with `velocity` for `dt`: forces on their faces."""
         self._look(p)
         if not self._present:

@@ -25,6 +25,7 @@ from periporo.core.watch.observers import Callback, HistoryObserver, ProgressObs
 from periporo.core.watch.state import State, StateError, memory, tables
 from periporo.core.watch.state import resume as resume_from
 from periporo.core.watch.watchdog import Watchdog
+from periporo.core.water import flow
 from periporo.errors import InputError, OutputError
 from periporo.io.geometry.origin import relative
 from periporo.io.output import checkpoint
@@ -168,7 +169,7 @@ def _writer(scene, target, sim, names, probes, overwrite, state):
     declared = {n: (f.columns, f.unit) for n, f in fields.available(sim).items() if n in names}
     return ResultWriter(
         target, sim.comm, dimension=scene.dimension, fields=declared, attributes=_attributes(scene, sim),
-        history_units=HistoryObserver.UNITS | departures.UNITS | probes.units, overwrite=overwrite,
+        history_units=HistoryObserver.UNITS | departures.UNITS | flow.UNITS | probes.units, overwrite=overwrite,
         obstacles=any(hasattr(c, "outline") for stage in sim.stages for c in stage.contacts),
         resume_step=None if state is None else state.memory["simulation"]["step_number"],
     )  # fmt: skip

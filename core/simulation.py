@@ -88,6 +88,7 @@ class Simulation:
         self.point_processes: list = []
         self.contacts: list = []
         self.loads: list = []
+        self.inflows: list = []  # of water, at boundaries
         self.observers: list = []
         self.stages: list[Stage] = []
         self.preparations: list[Callable[[Simulation], None]] = []  # once at the start

@@ -25,10 +25,12 @@ class Stage(ABC):
     prescribed_motions: list = field(default_factory=list)
     contacts: list = field(default_factory=list)
     loads: list = field(default_factory=list)
+    inflows: list = field(default_factory=list)  # of water
 
     def run(self, sim, resumed: bool = False) -> None:
         """Put the stage's conditions in force and go through it, or through the rest of it if `resumed`."""
         sim.prescribed_motions, sim.contacts, sim.loads = self.prescribed_motions, self.contacts, self.loads
+        sim.inflows = self.inflows
         if resumed:
             for observer in sim.observers:
                 observer.resume_stage(sim, self)

@@ -3,13 +3,14 @@
 import numpy as np
 
 from periporo.core.loads.boundary import DisplacementHistory, PrescribedMotion, Traction, VelocityHistory
+from periporo.core.water.boundaries import WaterBoundary
 from periporo.errors import InputError, Problem
 from periporo.io.schema.bodies import Points
 
 _SAME = 1e-6  # spacings by which places that are the same may differ
 
 
-def build_boundary(scene, name: str, lattices, moving: bool) -> PrescribedMotion | Traction:
+def build_boundary(scene, name: str, lattices, moving: bool) -> PrescribedMotion | Traction | WaterBoundary:
     """The boundary condition `name`; prescribed components stand still in a stage that is not `moving`."""
     boundary = scene.boundaries[name]
     sites = _selected(scene, boundary.where, lattices)
@@ -18,6 +19,8 @@ def build_boundary(scene, name: str, lattices, moving: bool) -> PrescribedMotion
     if boundary.traction is not None:
         return _traction(scene, name, boundary.traction, sites)
     ids = np.sort(np.concatenate([ids for _, ids, _ in sites]))
+    if boundary.water is not None:
+        return _water_at_faces(scene, ids, boundary.water)
     if boundary.fix:
         return PrescribedMotion(ids, {"xyz".index(a): _standstill for a in boundary.fix})
     components, history = boundary.velocity, VelocityHistory
@@ -35,6 +38,16 @@ def hold(lattice) -> PrescribedMotion:
     """All points of a body at rest."""
     ids = np.sort(np.concatenate([ids for ids, *_ in lattice.chunks()]))
     return PrescribedMotion(ids, dict.fromkeys(range(lattice.dimension), _standstill))
+
+
+def _water_at_faces(scene, ids, water):
+    """The condition `water` at the faces of the points `ids`."""
+    history, side = getattr(water, water.kind), None
+    if water.side is not None:
+        side = np.eye(scene.dimension)["xyz".index(water.side[0])] * (1.0 if water.side[1] == "+" else -1.0)
+    return WaterBoundary(
+        ids, water.kind, lambda time: float(np.interp(time, history.times, history.values)), side
+    )  # fmt: skip
 
 
 def _standstill(time, dt):

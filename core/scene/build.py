@@ -33,6 +33,7 @@ from periporo.core.scene.geostatic import GeostaticStress, uniform_stress
 from periporo.core.scene.grounds import share_grounds
 from periporo.core.scene.water import build_water, wetted
 from periporo.core.simulation import Simulation
+from periporo.core.water.boundaries import WaterBoundary
 from periporo.errors import InputError, Problem
 from periporo.io.geometry import lattice as geometry
 from periporo.io.geometry.faces import find_faces
@@ -220,12 +221,13 @@ def output_names(scene, sim) -> tuple[str, ...]:
 
 
 def _stage(scene, sim, stage, contacts, free_water, lattices):
-    motions, loads = [], [*free_water]
+    motions, loads, inflows = [], [*free_water], []
     if scene.gravity is not None:
         loads.append(Gravity(scene.vector(scene.gravity)))
     for name in stage.boundaries:
         boundary = build_boundary(scene, name, lattices, moving=stage.type == "dynamics")
-        (loads if isinstance(boundary, Traction) else motions).append(boundary)
+        kind = loads if isinstance(boundary, Traction) else inflows if isinstance(boundary, WaterBoundary) else motions
+        kind.append(boundary)
     flying = _flying(scene) if stage in scene.stages[: _first_motion(scene) + 1] else []
     if stage.type == "relax":
         motions += [hold(lattices[body]) for body, _ in flying]  # until their first motion
@@ -234,13 +236,13 @@ def _stage(scene, sim, stage, contacts, free_water, lattices):
     if stage.type == "relax":
         sides = np.array([(lattice.upper - lattice.lower).min() for lattice in lattices])
         return RelaxStage(
-            stage.name, motions, present, loads, stage.tolerance, stage.max_steps,
+            stage.name, motions, present, loads, inflows, stage.tolerance, stage.max_steps,
             np.maximum(stage.max_displacement * sides, scene.spacing), tuple(b.name for b in scene.bodies),
             stage.reset_displacement,
         )  # fmt: skip
     if stage.damping.viscous > 0.0:
         loads.append(ViscousDamping(stage.damping.viscous, lambda: sim.dt))
-    dynamics = DynamicsStage(stage.name, motions, present, loads, stage.duration, stage.stop_when_at_rest)
+    dynamics = DynamicsStage(stage.name, motions, present, loads, inflows, stage.duration, stage.stop_when_at_rest)
     dynamics.launches = flying
     return dynamics
 

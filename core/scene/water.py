@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from periporo.core.water.flow import FlowingWater, Permeability
 from periporo.core.water.pore_water import DrainedWater, Pores, PoreWater, UndrainedWater
 from periporo.core.water.pressure import FreeWater, Hydrostatic, Profile, UniformSuction
 from periporo.core.water.retention import (
@@ -14,17 +15,22 @@ from periporo.core.water.retention import (
     van_genuchten,
 )
 from periporo.errors import InputError, Problem
+from periporo.io.schema.water import Soil
+
+STANDARD_GRAVITY = 9.81  # m/s^2, under which a conductivity is measured
 
 
 def build_water(scene, materials) -> PoreWater:
     """The process of the scene's pore water. Raises InputError for materials without pores and unusable tables."""
     water = scene.pore_water
-    curve = _retention(water.retention)
-    pores = Pores(_porosities(scene, materials), [curve] * len(materials), water.water_density, water.bulk_modulus)
+    curves = [_retention(_soil(scene, name).retention) for name in scene.materials]
+    pores = Pores(_porosities(scene, materials), curves, water.water_density, water.bulk_modulus)
     free = None
     if water.free_water is not None:
         level = water.free_water.level
         free = FreeWater(lambda time: float(np.interp(time, level.times, level.values)), *_weight(scene))
+    if water.drainage == "flowing":
+        return FlowingWater(pores, _profile(scene), free, _permeability(scene))
     if water.drainage == "undrained":
         return UndrainedWater(pores, _profile(scene), free)
     return DrainedWater(pores, _profile(scene), free, frozen=water.frozen)
@@ -32,12 +38,39 @@ def build_water(scene, materials) -> PoreWater:
 
 def wetted(scene, materials, water: PoreWater | None) -> list:
     """The `materials`; those that a suction bonds with a state for it."""
-    if water is None or scene.pore_water.retention is None:
+    if water is None:
         return materials
     return [
-        m.for_unsaturated(float(xi)) if hasattr(m, "for_unsaturated") else m
-        for m, xi in zip(materials, water.largest_bonding, strict=True)
+        m.for_unsaturated(float(xi)) if hasattr(m, "for_unsaturated") and curve.kind != FULL else m
+        for m, xi, curve in zip(materials, water.largest_bonding, water.pores.retention, strict=True)
     ]
+
+
+def _soil(scene, name):
+    """What the water meets in the material `name`: `porosity`, `retention`, `conductivity`, `permeability`."""
+    water = scene.pore_water
+    common = Soil(**{key: getattr(water, key) for key in Soil.model_fields})
+    own = water.soils.get(name)
+    if own is None:
+        return common
+    given = {key: value for key in Soil.model_fields if (value := getattr(own, key)) is not None}
+    if {"conductivity", "permeability"} & set(given):  # whichever unit holds for all
+        common = common.model_copy(update={"conductivity": None, "permeability": None})
+    return common.model_copy(update=given)
+
+
+def _permeability(scene) -> Permeability:
+    water, found = scene.pore_water, []
+    for name in scene.materials:
+        soil = _soil(scene, name)
+        if soil.conductivity is None and soil.permeability is None:
+            message = "water that flows needs a conductivity (m/s), or a permeability (m^2), of every material"
+            raise InputError("scene", [Problem(("pore_water", "drainage"), f"{message}; '{name}' has none")])
+        if soil.permeability is not None:
+            found.append(soil.permeability / water.viscosity)
+        else:
+            found.append(soil.conductivity / (water.water_density * STANDARD_GRAVITY))
+    return Permeability(np.array(found), water.kozeny_carman, scene.vector(scene.gravity))
 
 
 def _weight(scene) -> tuple[float, np.ndarray]:
@@ -58,7 +91,7 @@ def _porosities(scene, materials):
     """Porosity of every material: its law's, or else the scene's."""
     found = []
     for name, material in zip(scene.materials, materials, strict=True):
-        value = getattr(material, "porosity", scene.pore_water.porosity)
+        value = getattr(material, "porosity", _soil(scene, name).porosity)
         if value is None:
             message = "this law has no 'porosity', which pore water needs; give pore_water.porosity"
             raise InputError("scene", [Problem(("materials", name, "model"), message)])

@@ -156,6 +156,7 @@ class HistoryObserver(Observer):
             "front": maximum(sim.comm, float(sim.extent.distance(x).max(initial=0.0))) + half,
             "height": maximum(sim.comm, float(sim.extent.height(x).max(initial=-np.inf))) + half,
             **({} if self.probes is None else self.probes.entries(p)),
+            **{n: v for part in sim.point_processes for n, v in getattr(part, "histories", dict)().items()},
         }
         self.writer.append_history(self.latest)
 

@@ -11,7 +11,7 @@ from periporo.core.numerics import algebra as la
 from periporo.core.numerics.jit import inlined, kernel
 from periporo.core.water.retention import FULL, saturation_of
 
-_CONVERGED = 1e-14  # of the pore volume, in the equation for the suction
+_CONVERGED = 1e-14  # of the volume, in the equation for the pressure
 _MOST_ITERATIONS = 200
 _FIRST_SUCTION = 1e3  # Pa
 

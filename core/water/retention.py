@@ -11,7 +11,9 @@ A curve is a `kind` and its numbers, so that kernels can hold the curves of all 
 - `TABLE`: measured pairs, by cubic Hermite pieces in the suction with the slopes of Fritsch & Butland (1984): no
   overshoot. Constant beyond the ends
 
-with S = S_res + (1 - S_res) S_e.
+with S = S_res + (1 - S_res) S_e. Conductivity falls with the saturation by the factor k_r: by the formula of Mualem
+(1976) for `VAN_GENUCHTEN`, S_e for `EXPONENTIAL`, what the table says, linear between its rows, and else S^3
+(Irmay 1954).
 """
 
 from dataclasses import dataclass
@@ -62,8 +64,8 @@ def exponential(alpha: float, residual: float) -> Retention:
     return Retention(EXPONENTIAL, (alpha / _KILOPASCAL, residual))
 
 
-def tabulated(suction, saturation) -> Retention:
-    """Curve through measured pairs of `suction` (k,) Pa and `saturation` (k,).
+def tabulated(suction, saturation, conductivity=None) -> Retention:
+    """Curve through measured rows of `suction` (k,) Pa, `saturation` (k,), and `conductivity` (k,) over that when full.
 
     Raises ValueError for what is not a retention curve.
     """
@@ -77,7 +79,10 @@ def tabulated(suction, saturation) -> Retention:
     weighted = (2 * h[1:] + h[:-1]) * slope[1:] + (h[1:] + 2 * h[:-1]) * slope[:-1]
     inner = np.where(product > 0, 3 * (h[1:] + h[:-1]) * product / np.where(product > 0, weighted, 1.0), 0.0)
     slopes = np.concatenate([slope[:1], inner, slope[-1:]])
-    return Retention(TABLE, (float(len(s)), *s, *y, *slopes))
+    kr = y**3 if conductivity is None else np.asarray(conductivity, float)
+    if not ((kr >= 0) & (kr <= 1)).all() or not (np.diff(kr) <= 0).all():
+        raise ValueError("retention table: conductivities must lie in [0, 1] and not increase with suction")
+    return Retention(TABLE, (float(len(s)), *s, *y, *slopes, *kr))
 
 
 def packed(curves: list[Retention]) -> np.ndarray:
@@ -92,6 +97,13 @@ def saturations(curves: np.ndarray, material, suction, porosity, ratio) -> np.nd
     """S (n,) of points with curve `material` (n,) of a packed table, at `suction` (n,) Pa."""
     result = np.empty(len(porosity))
     _saturations(curves, material, suction, porosity, ratio, result)
+    return result
+
+
+def conductivities(curves: np.ndarray, material, suction, porosity, ratio) -> np.ndarray:
+    """k_r (n,) of points with curve `material` (n,) of a packed table, at `suction` (n,) Pa."""
+    result = np.empty(len(porosity))
+    _conductivities(curves, material, suction, porosity, ratio, result)
     return result
 
 
@@ -143,7 +155,41 @@ def _interpolated(curves, m, suction):
     return value, slope / width
 
 
+@inlined
+def conductivity_of(curves, m, suction, saturation):
+    """k_r of curve `m` at `suction`, where it has this `saturation`."""
+    kind = int(curves[m, 0])
+    if kind == FULL or suction <= 0.0:
+        return 1.0
+    if kind == VAN_GENUCHTEN:
+        part = curves[m, 2] / (curves[m, 2] - 1.0)  # 1/m
+        effective = (saturation - curves[m, 3]) / (1.0 - curves[m, 3])
+        return np.sqrt(effective) * (1.0 - (1.0 - effective**part) ** (1.0 / part)) ** 2
+    if kind == EXPONENTIAL:
+        return (saturation - curves[m, 2]) / (1.0 - curves[m, 2])
+    if kind == TABLE:
+        n = int(curves[m, 1])
+        start = 2 + 3 * n
+        if suction >= curves[m, 1 + n]:
+            return curves[m, start + n - 1]
+        if suction < curves[m, 2]:
+            return curves[m, start]
+        k = 0
+        while suction >= curves[m, 3 + k]:
+            k += 1
+        t = (suction - curves[m, 2 + k]) / (curves[m, 3 + k] - curves[m, 2 + k])
+        return (1.0 - t) * curves[m, start + k] + t * curves[m, start + k + 1]
+    return saturation**3
+
+
 @kernel
 def _saturations(curves, material, suction, porosity, ratio, result):
     for i in range(porosity.shape[0]):
         result[i], _ = saturation_of(curves, material[i], suction[i], porosity[i], ratio[i])
+
+
+@kernel
+def _conductivities(curves, material, suction, porosity, ratio, result):
+    for i in range(porosity.shape[0]):
+        filled, _ = saturation_of(curves, material[i], suction[i], porosity[i], ratio[i])
+        result[i] = conductivity_of(curves, material[i], suction[i], filled)

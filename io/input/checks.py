@@ -9,7 +9,7 @@ from periporo.errors import Path, Problem, choice
 from periporo.io.geometry.checks import geometry_problems
 from periporo.io.schema.base import MotionComponents, Region, SceneModel
 from periporo.io.schema.bodies import Body, Polygon, Raster, StressComponents
-from periporo.io.schema.contacts import Boundary, TerrainContact, Traction
+from periporo.io.schema.contacts import Boundary, TerrainContact, Traction, WaterAtFaces
 from periporo.io.schema.errors import model_problems
 from periporo.io.schema.scene import POINT_SCHEMES, SceneInput
 from periporo.materials import registry
@@ -105,7 +105,7 @@ def _out_of_plane(path: Path, part: SceneModel) -> Iterator[Problem]:
         yield Problem((*path, "fix"), message)
     if isinstance(part, MotionComponents) and part.z is not None:
         yield Problem((*path, "z"), message)
-    if isinstance(part, Traction) and part.side[0] == "z":
+    if isinstance(part, Traction | WaterAtFaces) and part.side is not None and part.side[0] == "z":
         yield Problem((*path, "side"), message)
     if isinstance(part, StressComponents):
         for name in ("yz", "xz"):
@@ -203,12 +203,22 @@ def _motion_problems(scene: SceneInput) -> Iterator[Problem]:
 def _water_problems(scene: SceneInput) -> Iterator[Problem]:
     """Pore water in a scene with a law that has its own, or without what it needs."""
     water = scene.pore_water
+    for name, boundary in scene.boundaries.items():
+        if boundary.water is not None and (water is None or water.drainage != "flowing"):
+            message = "nothing enters or leaves unless water flows; give pore_water with 'drainage: flowing'"
+            yield Problem(("boundaries", name, "water"), message)
+        if boundary.water is not None and {boundary.water.kind} & {"head", "rain"} and not any(scene.gravity or ()):
+            yield Problem(("boundaries", name, "water"), f"{boundary.water.kind} needs gravity; give 'gravity'")
     if water is None:
         return
     for name in ("water_table", "free_water"):
         if getattr(water, name) is not None and not any(scene.gravity or ()):
             yield Problem(("pore_water", name), "a level of water needs gravity; give 'gravity', or a suction")
-    if water.drainage == "undrained" and scene.correspondence.scheme not in POINT_SCHEMES:
+    for name in water.soils:
+        if name not in scene.materials:
+            message = f"there is no material '{name}'; {choice(name, list(scene.materials))}"
+            yield Problem(("pore_water", "soils", name), message)
+    if water.drainage != "drained" and scene.correspondence.scheme not in POINT_SCHEMES:
         choice_of = " or ".join(POINT_SCHEMES)
         message = f"water that cannot leave its point needs a law there: choose correspondence {choice_of}"
         yield Problem(("correspondence",), f"{message}, not {scene.correspondence.scheme}")

@@ -9,6 +9,7 @@ from periporo.io.schema.base import (
     MAX_LENGTH,
     Axis,
     Flag,
+    Motion,
     MotionComponents,
     Name,
     Position,
@@ -33,6 +34,41 @@ class Traction(SceneModel):
     side: Literal["x-", "x+", "y-", "y+", "z-", "z+"] = key("the side of the selected points that is loaded")
 
 
+class WaterAtFaces(SceneModel):
+    """What water does at the faces of the selected points, as far as they are at the surface; exactly one kind."""
+
+    pressure: Motion | None = key("its pressure: a number or {times, values}", "Pa", default=None)
+    head: Motion | None = key(
+        "level to which it would stand up: a number or {times, values}", "m", default=None, place="level"
+    )
+    flux: Motion | None = key("what enters: a number or {times, values}", "m/s", default=None)
+    rain: Motion | None = key(
+        "what falls on a horizontal area; enters as long as there is room, comes out freely (0: a seepage face): a "
+        "number or {times, values}",
+        "m/s",
+        default=None,
+    )
+    side: Literal["x-", "x+", "y-", "y+", "z-", "z+"] | None = key(
+        "the faces that are meant; default all", default=None
+    )
+
+    @model_validator(mode="after")
+    def _is_one_kind(self):
+        kinds = ("pressure", "head", "flux", "rain")
+        given = [kind for kind in kinds if getattr(self, kind) is not None]
+        if len(given) != 1:
+            found = f"found {' and '.join(given)}" if given else "found none"
+            raise ValueError(f"give exactly one of {', '.join(kinds)}; {found}")
+        if self.rain is not None and min(self.rain.values) < 0.0:
+            raise ValueError("rain must not be below 0; give a flux for what is taken out")
+        return self
+
+    @property
+    def kind(self) -> str:
+        """The key that was given."""
+        return next(kind for kind in ("pressure", "head", "flux", "rain") if getattr(self, kind) is not None)
+
+
 class Boundary(SceneModel):
     """A boundary condition on the points that `where` selects at the start; exactly one kind."""
 
@@ -43,10 +79,11 @@ class Boundary(SceneModel):
         "prescribed displacement; what its history did before the stage began is left out", "m", default=None
     )
     traction: Traction | None = key("a load", default=None)
+    water: WaterAtFaces | None = key("water that enters or leaves", default=None)
 
     @model_validator(mode="after")
     def _is_one_kind(self):
-        kinds = ("fix", "velocity", "displacement", "traction")
+        kinds = ("fix", "velocity", "displacement", "traction", "water")
         given = [kind for kind in kinds if getattr(self, kind) is not None]
         if len(given) != 1:
             found = f"found {' and '.join(given)}" if given else "found none"

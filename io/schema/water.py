@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import model_validator
 
-from periporo.io.schema.base import Coordinate, Flag, Motion, Real, SceneModel, key
+from periporo.io.schema.base import Coordinate, Flag, Motion, Name, Real, SceneModel, key
 from periporo.io.schema.files import ExistingFile
 
 
@@ -54,6 +54,21 @@ class FreeWater(SceneModel):
     level: Motion = key("level against gravity: a number or {times, values}", "m", place="level")
 
 
+class Soil(SceneModel):
+    """What the water meets in one material, in place of what holds for all."""
+
+    porosity: Real | None = key("porosity, if the law has none", "1", default=None, gt=0, lt=1)
+    retention: Retention | None = key("the retention curve", default=None)
+    conductivity: Real | None = key("hydraulic conductivity of full pores", "m/s", default=None, gt=0, le=10)
+    permeability: Real | None = key("permeability of full pores", "m^2", default=None, gt=0, le=1e-4)
+
+    @model_validator(mode="after")
+    def _has_one_unit(self):
+        if self.conductivity is not None and self.permeability is not None:
+            raise ValueError("give one of: conductivity in m/s, permeability in m^2")
+        return self
+
+
 class PoreWater(SceneModel):
     """Water in the pores: its pressure at the start, and whether it can leave."""
 
@@ -64,10 +79,18 @@ class PoreWater(SceneModel):
     largest_suction: Real = key(
         "above the water table suction grows with height up to this", "Pa", default=0.0, ge=0, le=1e9
     )
-    drainage: Literal["drained", "undrained"] = key(
-        "water keeps the pressure of its place, or cannot leave its point, with a pressure that follows the volume",
+    drainage: Literal["drained", "undrained", "flowing"] = key(
+        "water keeps the pressure of its place; or cannot leave its point, with a pressure that follows the volume; or "
+        "flows by Darcy's law",
         default="drained",
     )
+    conductivity: Real | None = key(
+        "hydraulic conductivity of full pores, under 9.81 m/s^2", "m/s", default=None, gt=0, le=10
+    )
+    permeability: Real | None = key("permeability of full pores, in place of it", "m^2", default=None, gt=0, le=1e-4)
+    viscosity: Real = key("viscosity of the water", "Pa s", default=1e-3, gt=0, le=1e3)
+    kozeny_carman: Flag = key("permeability follows the porosity, as phi^3/(1 - phi)^2", default=False)
+    soils: dict[Name, Soil] = key("what differs in single materials, by their names", default={})
     retention: Retention | None = key("the retention curve; default: pores are always full", default=None)
     porosity: Real | None = key("porosity of materials whose law has none", "1", default=None, gt=0, lt=1)
     free_water: FreeWater | None = key("water outside; default none", default=None)
@@ -81,6 +104,8 @@ class PoreWater(SceneModel):
             raise ValueError("give exactly one of: suction (0 for full pores without pressure), water_table")
         if self.largest_suction > 0.0 and self.water_table is None:
             raise ValueError("largest_suction belongs to a water_table; leave it out, or give one")
+        if self.conductivity is not None and self.permeability is not None:
+            raise ValueError("give one of: conductivity in m/s, permeability in m^2")
         if self.frozen and self.drainage != "drained":
             raise ValueError("frozen is for drained water; undrained water stays anyway: leave frozen out")
         return self

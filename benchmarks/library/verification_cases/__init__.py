@@ -11,6 +11,7 @@ from . import (
     kinematics,
     manufactured,
     motion,
+    seepage,
     sliding,
     slopes,
     surfaces,
@@ -84,5 +85,7 @@ CASES = (
     Case("V22", surfaces.strip_load),
     Case("V22", surfaces.pushed_footing),
     Case("collapse", collapse.collapse),
+    Case("W1", seepage.consolidation),
+    Case("W5", seepage.infiltration),
     Case("W9", waves.undrained_wave),
 )

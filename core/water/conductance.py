@@ -1,0 +1,153 @@
+"""Conductances between points, of the geometry alone: flow along pairs that is exact in a uniform gradient.
+
+The flow from j to i is a_ij kappa_ij [(p_j - p_i) - rho_w g . xi], with one symmetric conductance for each pair,
+
+    a_ij = w V_i V_j n . Lambda n / |xi|^2,  n = xi/|xi|,
+
+so that water is kept to rounding, nothing flows in water at rest, and no pressure lies outside its neighbours' and the
+boundaries'. The tensor Lambda_i of a point is chosen so that its pairs conduct as the continuum does, also where the
+points have come closer in one direction,
+
+    sum_j w V_j (n . Lambda n) n (x) n = 2 I,
+
+for every pair belongs to two points. A pair takes the Lambda of the end with more neighbours (the larger W = sum w V):
+at a surface that is the inner one, whose neighbourhood is whole, so that the flow into the first row is right. Negative
+n . Lambda n count as 0. Lambda of points at the surface, which only pairs along it take, is then multiplied by what is
+missing to the conductance along the surface. Next to a surface sum_j a_ij xi points inwards and is as long as the area
+of the point's face.
+"""
+
+import numpy as np
+
+from periporo.core.numerics import algebra as la
+from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.points.particles import Field
+
+_FACE = 0.5  # of the face of a cell: a smaller sum of directions is the unevenness of points inside
+_TURNS = 2  # in which conductances along the surface are fitted
+_MOST_FITTED = 1.25  # factor of them in a turn
+_FLOOR = 1e-9  # of W, on the diagonal: directions in which there is no pair do not count
+
+
+def fields(dimension: int) -> tuple[Field, ...]:
+    """What points need for it."""
+    shape = dimension * (dimension + 1) // 2
+    return (
+        Field("conduction", 1 + shape, "m^3, 1/m^3"),  # W, Lambda; W is 0 of points without regular company
+        # outward area vector A of its face, and sum a xi (x) xi; zeros of points inside
+        Field("outer_face", dimension + shape, "m^2, m^3", sent=False),
+    )
+
+
+def find_conduction(p, pairs, halo) -> None:
+    """Find `conduction` of all points and `outer_face` of the owned ones from the present positions."""
+    d, n = p.dimension, p.owned
+    k = d * (d + 1) // 2
+    upper = np.triu_indices(k)
+    sums = np.zeros((p.total, 1 + len(upper[0])))
+    _sum_moments(pairs.first, pairs.second, pairs.weight, p.position, p.volume, sums, p.dim)
+    regular = (p.share[:n, 1] > 0.0) & (sums[:n, 0] > 0.0)
+    whole = np.where(regular, sums[:n, 0], 1.0)
+    matrix = np.zeros((n, k, k))
+    matrix[:, upper[0], upper[1]] = matrix[:, upper[1], upper[0]] = sums[:n, 1:] * regular[:, None]
+    matrix[:, range(k), range(k)] += (np.where(regular, _FLOOR, 1.0) * whole)[:, None]
+    unit = 2.0 * (np.arange(k) < d)
+    solved = np.linalg.solve(matrix, np.broadcast_to(unit[:, None], (n, k, 1)))[:, :, 0]
+    p.conduction[:n, 0], p.conduction[:n, 1:] = whole * regular, solved * regular[:, None]
+    for turn in range(1 + _TURNS):
+        halo.update(p, "conduction")
+        directions = np.zeros((p.total, d + k))
+        _sum_directions(
+            pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.conduction, directions, p.dim
+        )  # fmt: skip
+        _find_faces(n, p.volume, directions, p.outer_face, p.dim)
+        if turn < _TURNS:
+            _fit_surface(n, p.volume, p.outer_face, p.conduction, p.dim)
+
+
+@inlined
+def pair_conductance(i, j, w, position, volume, conduction, dim):
+    """a_ij m of a pair of weight `w`, for the volumes at the start."""
+    end = i if conduction[i, 0] >= conduction[j, 0] else j
+    if w == 0.0 or conduction[i, 0] == 0.0 or conduction[j, 0] == 0.0:
+        return 0.0
+    xi = la.difference(position, i, j, dim)
+    square, r2 = la.square(xi), la.dot(xi, xi)
+    along = 0.0
+    for c in range(len(square)):
+        along += conduction[end, 1 + c] * square[c]
+    return w * volume[i] * volume[j] * max(along, 0.0) / (r2 * r2)
+
+
+@kernel
+def _sum_moments(first, second, weight, position, volume, sums, dim):
+    """W, and the upper triangle of sum w V e e^T with the components e of n (x) n."""
+    for b in range(first.shape[0]):
+        if weight[b] == 0.0:
+            continue
+        i, j = first[b], second[b]
+        xi = la.difference(position, i, j, dim)
+        square, r2 = la.square(xi), la.dot(xi, xi)
+        to_first, to_second = weight[b] * volume[j], weight[b] * volume[i]
+        sums[i, 0] += to_first
+        sums[j, 0] += to_second
+        column = 1
+        for c in range(len(square)):
+            for e in range(c, len(square)):
+                value = square[c] * square[e] / (r2 * r2)
+                sums[i, column] += to_first * value
+                sums[j, column] += to_second * value
+                column += 1
+
+
+@kernel
+def _sum_directions(first, second, weight, position, volume, conduction, sums, dim):
+    """Sums of a xi and of a xi (x) xi."""
+    d = len(dim)
+    for b in range(first.shape[0]):
+        i, j = first[b], second[b]
+        a = pair_conductance(i, j, weight[b], position, volume, conduction, dim)
+        xi = la.difference(position, i, j, dim)
+        square = la.square(xi)
+        for c in range(d):
+            sums[i, c] += a * xi[c]
+            sums[j, c] -= a * xi[c]
+        for c in range(len(square)):
+            sums[i, d + c] += a * square[c]
+            sums[j, d + c] += a * square[c]
+
+
+@kernel
+def _find_faces(owned, volume, sums, face, dim):
+    """Turn the sums of directions outwards; zeros of points that have no face."""
+    d = len(dim)
+    for i in range(owned):
+        square = 0.0
+        for c in range(d):
+            square += sums[i, c] ** 2
+        at_surface = square > (_FACE * volume[i] ** ((d - 1.0) / d)) ** 2
+        for c in range(face.shape[1]):
+            face[i, c] = (-sums[i, c] if c < d else sums[i, c]) if at_surface else 0.0
+
+
+@kernel
+def _fit_surface(owned, volume, face, conduction, dim):
+    """Multiply Lambda of points at the surface by what conducts along it too little, or too much."""
+    d = len(dim)
+    for i in range(owned):
+        square, along, trace = 0.0, 0.0, 0.0
+        for a in range(d):
+            square += face[i, a] ** 2
+            along += face[i, a] ** 2 * face[i, d + a]
+            trace += face[i, d + a]
+        if square == 0.0:
+            continue
+        for a in range(d):
+            for b in range(a + 1, d):
+                column = 2 * d if d == 2 else 2 * d + (0 if b == 1 else (1 if a == 1 else 2))
+                along += 2.0 * face[i, a] * face[i, b] * face[i, column]
+        tangential = trace - along / square
+        factor = 2.0 * (d - 1.0) * volume[i] / tangential
+        factor = min(max(factor, 1.0 / _MOST_FITTED), _MOST_FITTED)
+        for c in range(1, conduction.shape[1]):
+            conduction[i, c] *= factor

@@ -1,0 +1,253 @@
+"""Water that flows between points by Darcy's law, and through boundaries (`periporo.core.water.boundaries`).
+
+dw_i/dt = sum_j Q_ij, Q_ij = a_ij kappa_ij [(p_j - p_i) - rho_w g . xi], with the conductances of
+`periporo.core.water.conductance`, the mobility kappa = k k_r/mu: k of both ends in series, k_r their mean. What leaves
+a point enters another, so that water is kept to rounding. In each step the pores change their volume first, then water
+flows by explicit stages of second order whose stability grows with the square of their number (RKL2: Meyer, Balsara &
+Aslam 2014). They need no inner products, so the bits are the same on any number of ranks.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from periporo.core.numerics import algebra as la
+from periporo.core.numerics.jit import kernel
+from periporo.core.points.particles import Field
+from periporo.core.ranks.reductions import exact_sum, maximum
+from periporo.core.water import conductance
+from periporo.core.water.content import fill_pressure
+from periporo.core.water.pore_water import UndrainedWater
+from periporo.core.water.retention import conductivity_of, saturation_of
+
+_REFRESH = 20  # steps between looks at the geometry
+_EULER = 0.8  # of the longest stable explicit step
+_MOST_STAGES = 199
+CONTENT, ENTERED, LEFT, RAN_OFF = range(4)  # columns of the unknowns of a step
+UNITS = {"water_stored": "m^3", "water_inflow": "m^3", "water_outflow": "m^3", "water_runoff": "m^3",
+         "water_balance": "m^3"}  # fmt: skip
+"""Histories of the flow; `water_balance` is what is stored beyond the start, less what came in, plus what left."""
+
+
+@dataclass(frozen=True)
+class Permeability:
+    """Mobility k/mu of full pores at the start, `mobility` (materials,) m^2/(Pa s).
+
+    If it follows the porosity, then by Kozeny and Carman as phi^3/(1 - phi)^2. `gravity` (d,) m/s^2 is the scene's.
+    """
+
+    mobility: np.ndarray
+    follows_porosity: bool
+    gravity: np.ndarray
+
+    @property
+    def direction(self) -> np.ndarray:
+        """Unit vector (d,) along gravity, zero without."""
+        strength = float(np.sqrt((self.gravity**2).sum()))
+        return self.gravity / strength if strength > 0.0 else self.gravity
+
+
+class FlowingWater(UndrainedWater):
+    """Water that flows. In relaxation, which takes all the time in the world, it keeps its pressure.
+
+    Point fields besides those of water that stays: `exchanged_water` (n, 4) m^3, what the point held at the start, what
+    has come in and left through boundaries, and what rain has run off it.
+    """
+
+    def __init__(self, pores, profile, free, permeability: Permeability):
+        super().__init__(pores, profile, free)
+        self.permeability = permeability
+
+    def attach(self, sim) -> None:
+        """Declare the point fields."""
+        super().attach(sim)
+        for field in conductance.fields(sim.particles.dimension):
+            sim.particles.add_field(field)
+        sim.particles.add_field(Field("exchanged_water", 4, "m^3", sent=False))
+        weight = self.pores.density * self.permeability.gravity
+        strength = float(np.sqrt((weight**2).sum()))
+        if strength > 0.0:
+            head = lambda p, n: (p.pore_pressure[:n] - (p.position[:n] * weight).sum(axis=1)) / strength  # noqa: E731
+            self.derived = self.derived | {"head": ("m", head)}
+        sim.particles.add_field(Field("flow_state", 4, "Pa, 1, m^2/(Pa s), 1", migrates=False))  # p, k_r, k/mu, J
+
+    def initial_fields(self, owned) -> None:
+        """Set what the water is at new points."""
+        super().initial_fields(owned)
+        owned["exchanged_water"] = np.zeros((len(owned["id"]), 4))
+        owned["exchanged_water"][:, CONTENT] = owned["water_content"]
+
+    def _advance(self, p, dt):
+        sim = self._sim
+        if sim.step_number % _REFRESH == 0:  # at the start, too
+            conductance.find_conduction(p, sim.bonds.pairs, sim.halo)
+        before = p.water_content.copy()
+        super()._advance(p, dt)
+        if sim.rate_independent:
+            gained = p.water_content - before
+            p.exchanged_water[:, ENTERED] += np.maximum(gained, 0.0)
+            p.exchanged_water[:, LEFT] += np.maximum(-gained, 0.0)
+        elif dt > 0.0:
+            self._flow(p, dt)
+            self._exchange(p, p.water_content)
+
+    def _fill_pressure(self, p):
+        """Pressure of the content in the present volume."""
+        fill_pressure(
+            p.owned, p.material, self.pores.porosity, p.volume, p.pore_dilation, self.pores.bulk_modulus, self.curves,
+            p.water_content, p.porosity, p.saturation, p.pore_pressure,
+        )  # fmt: skip
+
+    def histories(self) -> dict[str, float]:
+        """What is stored, has come in and left, and the balance; collective."""
+        p = self._sim.particles
+        rows = np.column_stack([p.water_content, p.exchanged_water])
+        stored, start, entered, left, ran_off = exact_sum(self._sim.comm, rows).tolist()
+        return dict(zip(UNITS, (stored, entered, left, ran_off, stored - start - entered + left), strict=True))
+
+    def _flow(self, p, dt):
+        """Let water flow for `dt` s."""
+        n, pairs, sim = p.owned, self._sim.bonds.pairs, self._sim
+        self._describe(p)
+        inflows = [(boundary, boundary.rows(p)) for boundary in sim.inflows]
+        conducted, drop = np.empty(len(pairs.first)), np.empty(len(pairs.first))
+        _find_conducted(
+            pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.conduction, p.flow_state,
+            self.pores.density * self.permeability.gravity, conducted, drop, p.dim,
+        )  # fmt: skip
+        start = np.zeros((n, 4))
+        start[:, CONTENT] = p.water_content
+
+        def flow_of(state):
+            p.water_content[:] = state[:, CONTENT]
+            self._fill_pressure(p)
+            self._describe(p)
+            flow = np.zeros((p.total, 4))
+            _add_flows(pairs.first, pairs.second, conducted, drop, p.flow_state, flow)
+            for boundary, rows in inflows:
+                boundary.add(p, rows, sim.time + dt, self, flow)
+            return flow[:n]
+
+        rate = self._fastest(p, pairs, conducted, inflows)
+        state = integrate(flow_of, start, dt, _stages(0.5 * dt * rate))
+        p.exchanged_water[:, ENTERED:] += state[:, ENTERED:]
+        p.water_content[:] = state[:, CONTENT]
+        self._fill_pressure(p)
+
+    def _describe(self, p):
+        """Fill `flow_state` of all points."""
+        _describe(
+            p.owned, p.material, self.pores.porosity, self.curves, self.permeability.mobility,
+            self.permeability.follows_porosity, p.pore_pressure, p.porosity, p.saturation, p.pore_dilation,
+            p.flow_state,
+        )  # fmt: skip
+        self._sim.halo.update(p, "flow_state")
+
+    def _fastest(self, p, pairs, conducted, inflows) -> float:
+        """A bound on the fastest rate of the flow, 1/s: twice the sum of what each point conducts over its capacity."""
+        sums = np.zeros(p.total)
+        _sum_conducted(pairs.first, pairs.second, conducted, p.flow_state, sums)
+        for boundary, rows in inflows:
+            sums[rows] += boundary.conducted(p, rows)
+        return maximum(
+            self._sim.comm,
+            _largest_rate(
+                p.owned, p.material, self.curves, self.pores.bulk_modulus, p.volume, p.pore_dilation, p.porosity,
+                p.pore_pressure, sums,
+            ),
+        )  # fmt: skip
+
+
+def _stages(courant: float) -> int:
+    """Stages for a step of `courant` longest explicit ones: 1, an explicit step, or odd from 3 on."""
+    if courant <= _EULER:
+        return 1
+    stages = int(np.ceil(0.5 * (np.sqrt(9.0 + 16.0 * courant / _EULER) - 1.0)))
+    if not stages <= _MOST_STAGES:
+        raise RuntimeError(
+            f"the flow of water is {courant:.3g} times too fast for the time step, which would take {stages} stages; "
+            "lower conductivity or bulk_modulus of the water, or use drained water"
+        )
+    return max(3, stages + 1 - stages % 2)
+
+
+def integrate(rate, start: np.ndarray, dt: float, stages: int) -> np.ndarray:
+    """State after `dt` s of d(state)/dt = rate(state) from `start`, by an explicit step or RKL2 (see the module)."""
+    first = rate(start)
+    if stages == 1:
+        return start + dt * first
+    w = 4.0 / (stages**2 + stages - 2)
+    b = [1.0 / 3.0] * 3 + [(j * j + j - 2.0) / (2.0 * j * (j + 1.0)) for j in range(3, stages + 1)]
+    older, old = start, start + b[1] * w * dt * first
+    for j in range(2, stages + 1):
+        mu, nu = (2 * j - 1) / j * b[j] / b[j - 1], -(j - 1) / j * b[j] / b[j - 2]
+        new = mu * (old - start) + nu * (older - start) + start
+        new += mu * w * dt * (rate(old) - (1.0 - b[j - 1]) * first)
+        older, old = old, new
+    return old
+
+
+@kernel
+def _describe(
+    owned, material, initial_porosity, curves, mobility, follows, pressure, porosity, saturation, dilation, state
+):
+    for i in range(owned):
+        m = material[i]
+        state[i, 0] = pressure[i]
+        state[i, 1] = conductivity_of(curves, m, -pressure[i], saturation[i])
+        state[i, 2] = mobility[m]
+        if follows:
+            now, then = porosity[i], initial_porosity[m]
+            state[i, 2] *= (now / then) ** 3 * ((1.0 - then) / (1.0 - now)) ** 2
+        state[i, 3] = dilation[i]
+
+
+@kernel
+def _find_conducted(
+    first, second, weight, position, volume, conduction, state, water_weight, conducted, drop, dim
+):
+    """a kappa of full pores, and rho_w g . xi, of every pair."""
+    for b in range(first.shape[0]):
+        i, j = first[b], second[b]
+        a = conductance.pair_conductance(i, j, weight[b], position, volume, conduction, dim)
+        both = state[i, 2] + state[j, 2]
+        series = 2.0 * state[i, 2] * state[j, 2] / both if both > 0.0 else both
+        conducted[b] = a * series * 0.5 * (state[i, 3] + state[j, 3])
+        xi = la.difference(position, i, j, dim)
+        drop[b] = 0.0
+        for c in range(len(dim)):
+            drop[b] += water_weight[c] * xi[c]
+
+
+@kernel
+def _add_flows(first, second, conducted, drop, state, flow):
+    for b in range(first.shape[0]):
+        if conducted[b] == 0.0:
+            continue
+        i, j = first[b], second[b]
+        driven = state[j, 0] - state[i, 0] - drop[b]
+        q = conducted[b] * driven * 0.5 * (state[j, 1] + state[i, 1])
+        flow[i, CONTENT] += q
+        flow[j, CONTENT] -= q
+
+
+@kernel
+def _sum_conducted(first, second, conducted, state, sums):
+    for b in range(first.shape[0]):
+        i, j = first[b], second[b]
+        value = conducted[b] * max(state[i, 1], state[j, 1])
+        sums[i] += value
+        sums[j] += value
+
+
+@kernel
+def _largest_rate(owned, material, curves, bulk, volume, dilation, porosity, pressure, sums):
+    largest = 0.0
+    for i in range(owned):
+        s, slope = saturation_of(curves, material[i], -pressure[i], porosity[i], dilation[i])
+        squeezed = 1.0 + pressure[i] / bulk
+        capacity = volume[i] * dilation[i] * porosity[i] * (s / bulk - slope * squeezed)
+        rate = 2.0 * sums[i] / capacity
+        if rate > largest or np.isnan(rate):  # and stays
+            largest = rate
+    return largest
