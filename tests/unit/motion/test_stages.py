@@ -1,5 +1,7 @@
 """What stages do to each other: velocities after a relaxation, rest, steps that a contact sets, displacements."""
 
+import re
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -101,5 +103,6 @@ def test_what_flows_does_not_settle(scene_of):
         "start_stage": lambda self, sim, stage: None, "after_step": lambda self, sim: None,
         "finish_stage": lambda self, sim, stage, summary: told.append(summary)})()]  # fmt: skip
     sim.run()
-    assert "largest displacement 2.23e-05 m" in told[0]
+    settled = float(re.search(r"largest displacement (\S+) m", told[0])[1])
+    assert settled == pytest.approx(2.4e-5, rel=0.15)  # rho g H^2 / 2 over a modulus between free sides and held ones
     assert (sim.particles.position == sim.particles.initial_position).all()
