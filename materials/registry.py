@@ -1,6 +1,9 @@
 """Materials by name, found through the entry-point group `periporo.materials`."""
 
 import difflib
+import functools
+import os
+import sys
 from importlib import metadata
 
 GROUP = "periporo.materials"
@@ -8,6 +11,12 @@ GROUP = "periporo.materials"
 
 def available() -> dict[str, metadata.EntryPoint]:
     """Entry points of every installed material by name; nothing is imported."""
+    return _found_in(tuple((place, os.stat(place).st_mtime_ns) for place in sys.path if os.path.exists(place)))
+
+
+@functools.lru_cache(maxsize=1)
+def _found_in(places: tuple[tuple[str, int], ...]) -> dict[str, metadata.EntryPoint]:
+    """The same; looking through the `places` takes ten times as long as reading a scene, unless they have changed."""
     return {point.name: point for point in metadata.entry_points(group=GROUP)}
 
 

@@ -88,6 +88,7 @@ def _scene(dimension=2, counts=(10, 8), *, spacing=0.01, materials=None, **keys)
                     "shape": {"type": "box", "lower": [*across[0], 0.0], "upper": [*across[1], size[-1]]}}],
         "contacts": [{"type": "plane", "point": [0.0] * dimension, "normal": [-g for g in down], "friction": 0.5}],
         "stages": [{"name": "fall", "type": "dynamics", "duration": 1e-3}],
+        "output": {"interval": 2.5e-4},
     }  # fmt: skip
     if materials == "two":
         scene["materials"] = {"soil": ELASTIC, "top": SOFT}

@@ -8,7 +8,7 @@ there for redrawing figures of the literature. No function needs a branch, so th
 
 import numpy as np
 
-from periporo.core.numerics.jit import inlined
+from periporo.core.numerics.jit import inlined, kernel
 
 NAMES = ("cubic", "conical", "gaussian", "constant")
 _TERMS = 8
@@ -88,3 +88,16 @@ def influence(u, table):
         below = below * u + table[0, k]
         above = above * x + table[1, k]
     return below + above if u > 0.0 else 0.0
+
+
+def influences(u: np.ndarray, table: np.ndarray) -> np.ndarray:
+    """w (n,) at each u (n,)."""
+    w = np.empty(len(u))
+    _fill_influences(u, table, w)
+    return w
+
+
+@kernel  # what is only inlined would be compiled anew in every process that calls it from Python
+def _fill_influences(u, table, w):
+    for k in range(u.shape[0]):
+        w[k] = influence(u[k], table)

@@ -8,11 +8,10 @@ H = (I - dW/4)^-1 (I + dW/4), which makes the update second order.
 """
 
 import numpy as np
-from numba.extending import overload
 
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics.algebra import LANES
-from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.numerics.jit import inlined, kernel, overload
 
 
 def midpoint_gradient(g):

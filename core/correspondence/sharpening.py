@@ -21,7 +21,7 @@ import itertools
 
 import numpy as np
 
-from periporo.core.correspondence.influence import influence, influence_table
+from periporo.core.correspondence.influence import influence_table, influences
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics import vectors
 from periporo.core.numerics.jit import kernel
@@ -43,7 +43,7 @@ def factor(dimension: int, m: float, influence_name: str) -> float:
     r = np.sqrt((offsets**2).sum(axis=1))
     r = r[(r > 0.0) & (r < m)]
     table = influence_table(influence_name)
-    w = np.array([influence(1.0 - distance / m, table) for distance in r])
+    w = influences(1.0 - r / m, table)
     return dimension / (dimension + 2.0) * w.sum() * (w * r**4).sum() / (w * r**2).sum() ** 2
 
 

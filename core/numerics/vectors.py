@@ -10,9 +10,9 @@ import operator
 from llvmlite import ir
 from numba import types
 from numba.core.datamodel import models
-from numba.extending import intrinsic, overload, register_model
+from numba.extending import intrinsic, register_model
 
-from periporo.core.numerics.jit import inlined
+from periporo.core.numerics.jit import inlined, overload
 from periporo.core.numerics.registers import added, at, filled, load, picked, register, store
 
 WIDTH = 8

@@ -10,7 +10,7 @@ from periporo.contact.repulsion import Repulsion
 from periporo.contact.rigid import FAR, RigidContact
 from periporo.contact.short_range_published import ShortRangePublished
 from periporo.contact.terrain import HeightField, TriangleSurface
-from periporo.core.correspondence.influence import influence
+from periporo.core.correspondence.influence import influences
 from periporo.errors import InputError, Problem, place_text
 from periporo.io.geometry.meshes import read_mesh
 from periporo.io.geometry.rasters import read_raster
@@ -146,7 +146,7 @@ def build_repulsion(sim) -> Repulsion:
     """The soft repulsion that keeps points from clumping in a flow: below .3 spacings, .01 of the P-wave modulus."""
     distance = 0.3 * sim.spacing
     modulus = max(_p_wave_modulus(m) for m in sim.materials)
-    closest = influence(1.0 - distance / sim.scheme.horizon, sim.scheme.table)
+    closest = influences(np.array([1.0 - distance / sim.scheme.horizon]), sim.scheme.table)[0]
     stiffness = 0.01 * modulus * sim.spacing ** (sim.particles.dimension - 2)
     return Repulsion(sim.bonds.pairs, distance=distance, stiffness=stiffness, closest=closest)
 

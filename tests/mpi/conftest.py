@@ -1,10 +1,35 @@
-"""What tests of several ranks share: results bit by bit, and what runs in several folders have said."""
+"""What tests of several ranks share: programs of this folder, results bit by bit, and what runs in folders say."""
 
+import contextlib
+import importlib
+import io
 import re
+import subprocess
+import sys
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+
+HERE = Path(__file__).parent
+
+
+@pytest.fixture(scope="session")
+def launch(mpirun):
+    """The function that runs a program of this folder on a number of ranks; one is this process: it has its kernels."""
+
+    def run(ranks, name, *words, folder, timeout=300):
+        if ranks > 1:
+            return mpirun(ranks, HERE / f"{name}.py", *words, folder=folder, timeout=timeout)
+        if str(HERE) not in sys.path:  # programs import each other
+            sys.path.append(str(HERE))
+        out, error = io.StringIO(), io.StringIO()
+        with contextlib.chdir(folder), contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
+            status = importlib.import_module(name).main([str(word) for word in words])
+        return subprocess.CompletedProcess(name, status, out.getvalue(), error.getvalue())
+
+    return run
 
 
 def _datasets(path):

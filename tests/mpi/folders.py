@@ -14,19 +14,24 @@ from mpi4py import MPI
 from periporo.core import cli
 
 
-def run(words):
-    """The largest exit status."""
+def announce(name):
+    """What is said from now on belongs to this name."""
+    if MPI.COMM_WORLD.rank == 0:
+        for stream in (sys.stdout, sys.stderr):
+            print(f"== {name}", file=stream, flush=True)
+
+
+def main(words, within=lambda name: contextlib.nullcontext()):
+    """The largest exit status; `within` gives the context to run in by the name of the folder."""
     here = Path.cwd()
     below = sorted(scene.parent for scene in here.glob("*/scene.yaml"))
     statuses = []
     for folder in below or [here]:
-        if MPI.COMM_WORLD.rank == 0:
-            for stream in (sys.stdout, sys.stderr):
-                print(f"== {folder.name}", file=stream, flush=True)
-        with contextlib.chdir(folder):
+        announce(folder.name)
+        with contextlib.chdir(folder), within(folder.name):
             statuses.append(cli.main(["scene.yaml", *words]))
     return max(statuses)
 
 
 if __name__ == "__main__":
-    raise SystemExit(run(sys.argv[1:]))
+    raise SystemExit(main(sys.argv[1:]))

@@ -1,8 +1,8 @@
-"""Runs the command line on several ranks in one folder or more (see folders.py), with a signal after a step of each.
+"""Runs the command line on several ranks in one folder or more (see folders.py), with signals after steps of each.
 
-mpirun -n 2 python interrupted.py SIGTERM 40 --quiet ...            to the last rank
-mpirun -n 2 python interrupted.py mpirun:SIGTERM 40 --quiet ...     to mpirun, which passes it on
-mpirun -n 2 python interrupted.py everyone:SIGTERM 40 --quiet ...   to mpirun and to every rank
+mpirun -n 2 python interrupted.py SIGTERM@40 --quiet ...                          to the last rank
+mpirun -n 2 python interrupted.py mpirun:SIGUSR1@10,mpirun:SIGTERM@20 ...         to mpirun, which passes them on
+mpirun -n 2 python interrupted.py everyone:SIGTERM@40 --quiet ...                 to mpirun and to every rank
 """
 
 import os
@@ -10,14 +10,13 @@ import signal
 import sys
 import time
 from pathlib import Path
+from unittest import mock
 
 import folders
 from mpi4py import MPI
 
 from periporo.core.watch.interrupt import Keeper
 
-TO, _, NAME = sys.argv[1].rpartition(":")
-STEP = int(sys.argv[2])
 COMM = MPI.COMM_WORLD
 
 
@@ -29,18 +28,33 @@ def mpirun():
     return process
 
 
-def check_after_signal(self, sim, check=Keeper.check):
-    if sim.step_number == STEP:
-        number, last = getattr(signal, NAME), COMM.rank == COMM.size - 1
-        if TO != "mpirun" and (last or TO == "everyone"):
-            os.kill(os.getpid(), number)
-        if TO and last:
-            os.kill(mpirun(), number)
-        while TO and not self.signals.wishes:
-            time.sleep(0.01)
-    check(self, sim)
+def send(target, number):
+    """Send a signal from the last rank: to itself, to mpirun or to everyone."""
+    last = COMM.rank == COMM.size - 1
+    if target != "mpirun" and (last or target == "everyone"):
+        os.kill(os.getpid(), number)
+    if target and last:
+        os.kill(mpirun(), number)
+
+
+def main(words):
+    """The exit status."""
+    signals = {}  # step -> to whom, number
+    for word in words[0].split(","):
+        wish, _, step = word.partition("@")
+        target, _, name = wish.rpartition(":")
+        signals[int(step)] = target, getattr(signal, name)
+
+    def check_after_signal(self, sim, check=Keeper.check):
+        if sim.step_number in signals:
+            target, number = signals[sim.step_number]
+            send(target, number)
+            while target and not self.signals.wishes:
+                time.sleep(0.01)
+        check(self, sim)
+
+    return folders.main(words[1:], lambda name: mock.patch.object(Keeper, "check", check_after_signal))
 
 
 if __name__ == "__main__":
-    Keeper.check = check_after_signal
-    raise SystemExit(folders.run(sys.argv[3:]))
+    raise SystemExit(main(sys.argv[1:]))

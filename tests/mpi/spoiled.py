@@ -1,13 +1,12 @@
-"""Runs the command line in folders named by a fault (see folders.py): it spoils the state after a step, so many times.
+"""Runs the command line in folders named by a fault (see folders.py): it spoils the state after a step, once or always.
 
-    mpirun -n 2 python spoiled.py 45 1 --no-plot ...
+    mpirun -n 2 python spoiled.py --no-plot ...     in folders "nan", "nan again", ...
 
 Point and bond are named by ids, whichever rank has them: the fault is the same on any number of ranks.
 """
 
 import sys
-from collections import Counter
-from pathlib import Path
+from unittest import mock
 
 import folders
 import numpy as np
@@ -15,7 +14,8 @@ import numpy as np
 from periporo.core.points.material import StepRefused
 from periporo.core.watch.watchdog import Watchdog, wave_speeds
 
-STEP, TIMES = int(sys.argv[1]), int(sys.argv[2])
+STEP = 31
+ENERGY_STEP = 111  # nobody looks at the energy before
 POINT, BOND = 17, (16, 17)
 
 
@@ -77,17 +77,25 @@ def refused(sim):
 FAULTS = {
     "nan": nan, "nan_stress": nan_stress, "speed": speed, "strain": strain, "energy": energy, "refused": refused,
 }  # fmt: skip
-done = Counter()  # faults, by their kind
 
 
-def check_spoiled(self, sim, check=Watchdog.check):
-    kind = Path.cwd().name
-    if done[kind] < TIMES and sim.step_number == STEP:
-        done[kind] += 1
-        FAULTS[kind](sim)
-    check(self, sim)
+def spoiling(name):
+    """The context in which the fault happens that a folder is named by."""
+    kind, _, again = name.partition(" ")
+    spoils, step = [FAULTS[kind]] * (99 if again else 1), ENERGY_STEP if kind == "energy" else STEP
+
+    def check_spoiled(self, sim, check=Watchdog.check):
+        if spoils and sim.step_number == step:
+            spoils.pop()(sim)
+        check(self, sim)
+
+    return mock.patch.object(Watchdog, "check", check_spoiled)
+
+
+def main(words):
+    """The exit status."""
+    return folders.main(words, spoiling)
 
 
 if __name__ == "__main__":
-    Watchdog.check = check_spoiled
-    raise SystemExit(folders.run(sys.argv[3:]))
+    raise SystemExit(main(sys.argv[1:]))

@@ -1,5 +1,6 @@
 """Two materials bonded to each other, one of them Arena: the same bits on one and on two ranks."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -29,15 +30,6 @@ def coarse(tmp_path_factory):
     return file
 
 
-def run(mpirun, folder, scene, ranks):
-    """The result file of a run on `ranks` ranks."""
-    folder.mkdir()
-    words = ("-m", "periporo.core.cli", scene, "--quiet", "--no-plot")
-    finished = mpirun(ranks, *words, folder=folder)
-    assert finished.returncode == 0, finished.stderr
-    return folder / "coarse.vtkhdf"
-
-
 def test_shipped_scene_is_valid():
     scene = load_scene(SCENE)
     assert {m.model for m in scene.materials.values()} == {"arena", "elastic"}
@@ -53,9 +45,16 @@ def test_both_laws_act_in_the_bonds_across_the_interface(coarse):
     assert (sand.state[sand.active, 2] < 0).all()  # strength of every row, also across
 
 
-def test_blast_on_two_ranks_has_the_same_bits_and_crushes_the_sand(mpirun, tmp_path, coarse, datasets,
+def test_blast_on_two_ranks_has_the_same_bits_and_crushes_the_sand(launch, tmp_path, coarse, datasets,
                                                                      assert_same_bits):  # fmt: skip
-    files = [run(mpirun, tmp_path / str(ranks), coarse, ranks) for ranks in (1, 2)]
+    files = []
+    for ranks in (1, 2):
+        folder = tmp_path / str(ranks)
+        folder.mkdir()
+        shutil.copy(coarse, folder / "scene.yaml")
+        finished = launch(ranks, "folders", "--quiet", "--no-plot", folder=folder)
+        assert finished.returncode == 0, finished.stderr
+        files.append(folder / "scene.vtkhdf")
     assert_same_bits(*map(datasets, files))
     with open_results(files[1]) as results:
         assert results.attributes["ranks"] == 2 and results.attributes["messages"] > 0

@@ -2,7 +2,6 @@
 
 import json
 from collections import Counter
-from concurrent.futures import ThreadPoolExecutor
 from importlib import resources
 from pathlib import Path
 
@@ -10,24 +9,20 @@ import pytest
 
 from periporo.errors import SCREEN_LINES, SCREEN_WIDTH
 
-HERE = Path(__file__).parent
+SHARE = 5  # of the scenes that one rank refuses, two ranks are given every fifth
 
 
 @pytest.fixture(scope="module")
-def answers(mpirun, tmp_path_factory):
-    """What the command line answers to every damaged scene, on one rank and on two: see refusals.py."""
-
-    parent = tmp_path_factory.mktemp("answers")
-
-    def ask(ranks):
+def answers(launch, tmp_path_factory):
+    """What the command line answers to damaged scenes, on one rank and on two: see refusals.py."""
+    parent, found = tmp_path_factory.mktemp("answers"), []
+    for ranks, share in ((1, 1), (2, SHARE)):
         folder = parent / f"ranks{ranks}"
         folder.mkdir()
-        run = mpirun(ranks, HERE / "refusals.py", "answers.json", folder=folder)
+        run = launch(ranks, "refusals", "answers.json", share, folder=folder)
         assert run.returncode == 0, run.stderr
-        return json.loads((folder / "answers.json").read_text().replace(folder.name, "ranks"))
-
-    with ThreadPoolExecutor() as both:
-        return list(both.map(ask, (1, 2)))
+        found.append(json.loads((folder / "answers.json").read_text().replace(folder.name, "ranks")))
+    return found
 
 
 def test_every_damaged_scene_is_refused_on_one_screen(answers):
@@ -41,8 +36,8 @@ def test_every_damaged_scene_is_refused_on_one_screen(answers):
 
 def test_two_ranks_answer_the_same_with_one_voice(answers):
     one, two = answers
-    assert len(one) == len(two)
-    for alone, together in zip(one, two, strict=True):
+    assert len(two) > 80
+    for alone, together in zip(one[::SHARE], two, strict=True):
         what, statuses, outputs, errors, files = together
         assert alone[0] == what and statuses == [2, 2] and outputs == ["", ""] and files == [], what
         assert errors == [alone[3][0], ""], what

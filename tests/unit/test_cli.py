@@ -64,6 +64,7 @@ def test_a_scene_runs_from_its_file(call, scene, tmp_path):
         assert run["ranks"] == 1 and run["rebuilds"] >= 1 and run["messages"] == run["migrated_points"] == 0
         assert yaml.safe_load(run["configuration"])["spacing"] == 0.01
         assert all(name in run["versions"] for name in ("periporo", "numpy", "numba", "h5py", "mpi4py"))
+        assert run["cpu"] == jit.processor()[0]
         assert run["wall_time_s"] > 0.0 and "strain" in yaml.safe_load(run["timing"])
         assert file["History/time"][-1] >= 1e-3
         assert set(file["VTKHDF/PointData"]) == {"id", "displacement", "velocity", "stress", "equivalent_shear_strain",

@@ -1,6 +1,6 @@
 """Tiles: rows that are worked on together."""
 
-from numba.extending import overload
+from periporo.core.numerics.jit import overload
 
 LANES = 64
 """Rows that are worked on together: a tile is a flat array in which quantity q of lane k is tile[q * LANES + k].

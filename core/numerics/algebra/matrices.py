@@ -1,6 +1,6 @@
 """Square matrices as tuples in row order, and their kin: symmetric tensors (4|6) and spins (1|3)."""
 
-from numba.extending import overload
+from periporo.core.numerics.jit import overload
 
 
 def zero_matrix(dim):

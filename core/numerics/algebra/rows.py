@@ -1,6 +1,6 @@
 """From rows of arrays to tuples and back."""
 
-from numba.extending import overload
+from periporo.core.numerics.jit import overload
 
 
 def difference(rows, i, j, dim):

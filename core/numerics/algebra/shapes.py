@@ -1,7 +1,8 @@
 """Symmetric d x d matrices such as the shape tensor: (xx, yy, xy) or (xx, yy, zz, xy, yz, xz)."""
 
 import numpy as np
-from numba.extending import overload
+
+from periporo.core.numerics.jit import overload
 
 
 def square(x):

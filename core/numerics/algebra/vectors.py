@@ -1,6 +1,6 @@
 """Vectors as tuples."""
 
-from numba.extending import overload
+from periporo.core.numerics.jit import overload
 
 DIMENSION = {2: (0, 0), 3: (0, 0, 0)}
 """`dim` of plane strain and of three dimensions."""

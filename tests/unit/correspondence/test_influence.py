@@ -3,20 +3,11 @@
 import numpy as np
 import pytest
 
-from periporo.core.correspondence.influence import NAMES, influence, influence_table
-from periporo.core.numerics.jit import kernel
-
-
-@kernel
-def _values(distance, table, out):
-    for k in range(distance.shape[0]):
-        out[k] = influence(1.0 - distance[k], table)
+from periporo.core.correspondence.influence import NAMES, influence_table, influences
 
 
 def values(name, distance):
-    out = np.empty(len(distance))
-    _values(distance, influence_table(name), out)
-    return out
+    return influences(1.0 - distance, influence_table(name))
 
 
 def spline(s):
