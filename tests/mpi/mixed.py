@@ -16,4 +16,6 @@ from periporo.core.numerics import jit
 
 if __name__ == "__main__":
     for scene in sys.argv[1:]:
-        print(scene, cli.main([scene, "--quiet", "--no-plot"]), jit.processor()[0], flush=True)
+        status = cli.main([scene, "--quiet", "--no-plot"])
+        sys.stdout.write(f"{scene} {status} {jit.processor()[0]}\n")  # all at once, for both ranks do so
+        sys.stdout.flush()

@@ -146,12 +146,12 @@ def check_ranks_share_pairs_and_not_points():
     if RANKS != 2:
         return
     d, moving = 0.01, {"material": "soil", "velocity": [3.0, 0.0]}
-    shapes = ([0.0, 0.0], [20 * d, 20 * d]), ([25 * d, 0.0], [225 * d, 2 * d])
+    boxes = {"block": ([0.0, 0.0], [20 * d, 20 * d]), "strip": ([25 * d, 0.0], [225 * d, 2 * d])}
     sim = Simulation.from_scene({
         "dimension": 2, "spacing": d, "gravity": [0.0, 0.0],
         "materials": {"soil": {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}},
-        "bodies": [moving | {"name": f"body {lower}", "shape": {"type": "box", "lower": lower, "upper": upper}}
-                   for lower, upper in shapes],
+        "bodies": [moving | {"name": name, "shape": {"type": "box", "lower": lower, "upper": upper}}
+                   for name, (lower, upper) in boxes.items()],
         "stages": [{"name": "fly", "type": "dynamics", "duration": 1.0}],
     })  # fmt: skip
     sim.start()

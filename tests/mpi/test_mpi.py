@@ -105,8 +105,8 @@ def simulated(launch, by_folder, tmp_path_factory, scene_of):
                    time_step={"fixed": 2e-5}, output={"interval": 1e-4})  # fmt: skip
     monitored = scene_of(counts=(30, 8), monitor={"points": [[-0.1, 0.08], [0.1, 0.0]]})
     cases = [(scene.__name__, scene(), (1, 2, 3, 4)) for scene in MOVING]
-    cases += [("sled", sled(), (1, 3)), ("few", few, (1, 5)), ("monitored", monitored, (1, 3)),
-              ("landslide", landslide(), (1, 3))]  # fmt: skip
+    cases += [("sled", sled(), (1, 3)), ("few", few, (1, 5)), ("monitored", monitored, (1, 3))]
+    cases += [("landslide", landslide(), (1, 3))]
     parent, files, said = tmp_path_factory.mktemp("simulated"), {}, {}
     for ranks in (1, 2, 3, 4, 5):
         for name, scene, numbers in cases:

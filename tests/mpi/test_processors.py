@@ -12,7 +12,7 @@ MIXED = Path(__file__).parent / "mixed.py"
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="names of processors are those of x86")
 def test_ranks_on_different_processors_are_refused_or_agree(mpirun, scene_of, tmp_path):
     """Those that agree go on, to compile, and to find that the block reaches into the floor."""
-    plane = {"type": "plane", "point": [0, 0.004], "normal": [0, 1]}
+    plane = {"type": "plane", "point": [0, 0.004], "normal": [0, 1], "friction": 0.5}
     for name, keys in (("own", {}), ("common", {"cpu_target": "common", "contacts": [plane]})):
         (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(scene_of(counts=(6, 4), **keys)))
     done = mpirun(2, MIXED, "own.yaml", "common.yaml", folder=tmp_path)

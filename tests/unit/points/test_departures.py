@@ -18,7 +18,7 @@ def table(scene_of):
     scene["bodies"][0]["velocity"] = [0.6, 0.0]
     scene["stages"][0]["duration"] = 0.05
     scene["monitor"] = {"points": [[0.045, 0.005]]}
-    return scene | {"domain": {"upper": [0.06, None]}, "output": {"history_interval": 20}}
+    return scene | {"domain": {"upper": [0.06, None]}, "output": {"interval": 0.01, "history_interval": 20}}
 
 
 def test_what_leaves_is_counted_and_the_ledger_closes(table, tmp_path):
