@@ -9,10 +9,10 @@ from mpi4py import MPI
 from periporo.core.bonds.bonds import Bonds, RefusedStep
 from periporo.core.loads.boundary import ViscousDamping
 from periporo.core.motion.energy import Ledger
-from periporo.core.motion.integrator import drift, first_kick, second_kick, take_back_kick
+from periporo.core.motion.integrator import drift, second_kick
+from periporo.core.motion.pace import kick_within
 from periporo.core.motion.stages import Stage
 from periporo.core.motion.timestep import StableTimeStep
-from periporo.core.numerics.tensors import square_lengths
 from periporo.core.points.departures import GONE, LOOK_INTERVAL, Departures
 from periporo.core.points.extent import Extent
 from periporo.core.points.forces import ForceChannels
@@ -29,12 +29,9 @@ _MARGIN = 1.0 + 1e-9  # of the ghosts' reach, so that both ranks of a pair list 
 _OFTEN, _SELDOM = 60, 150  # steps between rebuilds that call for a thicker, or a thinner, skin
 _THINNEST = 0.1  # skin, over the largest
 _IMBALANCE = 1.07  # of the bonds per rank, above which space is divided anew
-_LONGEST_WAY, _LARGEST_STRAIN = 0.1, 0.1  # of a point in a step: spacings, and 1
-_MARGIN_OF_WAY = 0.9  # for the kick of a shorter step is another one
-_HURRY = 0.2  # of the longest way: from there on a step asks before it takes one
 _REMEMBERED = (
     "time", "_carry", "dt", "step_number", "stage_number", "skin", "farthest", "rebuild_count", "rebuilt_at",
-    "_fastest", "_strain_rate",
+    "fastest",
 )  # fmt: skip
 
 
@@ -104,8 +101,8 @@ class Simulation:
         self.rebuilt_at = 0  # step
         self._carry = 0.0  # of the compensated sum of time steps
         self._moved = 0.0
-        self._way, self._straining = 0.0, 0.0  # of this rank: longest way in a step (m), largest strain rate (1/s)
-        self._fastest, self._strain_rate = np.inf, 0.0  # of all, as far as a step knows of those before it
+        self._way = 0.0  # m, longest of this rank in a step
+        self.fastest = np.inf  # m/s, point in the step before
         self._refusals: list = []  # of the last step, on this rank
         self._failed = 0  # updates of laws on this rank
 
@@ -219,9 +216,8 @@ class Simulation:
             looks = self.step_number % LOOK_INTERVAL == 0
             if len(self.departures.condemned) or (looks and self.departures.outside(self.particles).any()):
                 self._moved = np.inf
-        mine = np.array([np.inf if self._refusals else self._moved, self._way, self._straining])
-        moved, way, self._strain_rate = maxima(self.comm, mine).tolist()
-        self._fastest = way / self.dt if self.dt > 0.0 else 0.0
+        moved, way = maxima(self.comm, np.array([np.inf if self._refusals else self._moved, self._way])).tolist()
+        self.fastest = way / self.dt if self.dt > 0.0 else 0.0
         return not moved <= 0.5 * self.skin
 
     def confirm(self) -> None:
@@ -285,7 +281,7 @@ class Simulation:
             self.dt = self.time_step.choose(self)
             timing.lap("time step")
         chosen = self.dt
-        self.dt = dt = self._first_kick()  # v at t + dt/2
+        self.dt = dt = kick_within(self, chosen)  # v at t + dt/2
         for motion in self.prescribed_motions:
             motion.apply(p, self.time + dt / 2, dt, closing_step=False)
         self.scheme.rearrange(p, self.prescribed_motions)
@@ -296,7 +292,6 @@ class Simulation:
             self.rebuild()
         timing.lap("rebuild")
         self.evaluate_forces()
-        self._straining = self._largest_strain()
         second_kick(p, forces, dt)  # v at t + dt
         for motion in self.prescribed_motions:
             motion.apply(p, self.time + dt, dt, closing_step=True)
@@ -306,43 +301,6 @@ class Simulation:
             observer.after_step(self)
         self.dt = chosen
         timing.lap("observers")
-
-    def _first_kick(self) -> float:
-        """Velocity of the middle of a step, which is made shorter where points would go or strain too far; its length.
-
-        Strain is known of the step before last only, so half of the largest is allowed.
-        """
-        p, longest = self.particles, _LONGEST_WAY * self.spacing
-        dt = self.dt
-        if self._strain_rate * dt > 0.5 * _LARGEST_STRAIN:
-            dt = 0.5 * _LARGEST_STRAIN / self._strain_rate
-        first_kick(p, self.forces, dt)
-        if self._fastest * dt < _HURRY * longest:
-            return dt
-        while True:
-            fastest = maximum(self.comm, self._fastest_ahead(dt))
-            if not fastest * dt > longest:
-                return dt
-            take_back_kick(p)
-            dt = _MARGIN_OF_WAY * longest / fastest
-            first_kick(p, self.forces, dt)
-
-    def _fastest_ahead(self, dt: float) -> float:
-        """Speed (m/s) that a point of this rank has in the middle of a step of `dt`, at most; motions are not yet."""
-        p = self.particles
-        free = np.ones((p.owned, p.dimension))
-        for motion in self.prescribed_motions:
-            motion.hold_zero(p, free)
-        own = np.sqrt(square_lengths(free * p.velocity[: p.owned]).max(initial=0.0))
-        imposed = [motion.speed(self.time + dt / 2, dt) for motion in self.prescribed_motions]
-        return float(np.hypot(own, max(imposed, default=0.0)))
-
-    def _largest_strain(self) -> float:
-        """Largest strain rate of a row in this step (1/s) if it is worth mentioning, else 0."""
-        if self.dt == 0.0 or not any(block.peak[0] > (0.25 * _LARGEST_STRAIN) ** 2 for block in self.bonds.blocks):
-            return 0.0
-        squares = [(b.strain_increment[b.active] ** 2).sum(axis=1).max(initial=0.0) for b in self.bonds.blocks]
-        return float(np.sqrt(max(squares))) / self.dt
 
     def _advance_clock(self, dt: float) -> None:
         """Add `dt` to the time by a compensated sum (Kahan 1965)."""
@@ -388,7 +346,6 @@ class Simulation:
     def memory(self) -> dict[str, Any]:
         """What a checkpoint keeps of clocks and counters; the same on all ranks; collective."""
         clocks = {name: getattr(self, name) for name in _REMEMBERED}
-        clocks["_straining"] = maximum(self.comm, self._straining)
         if self.departures is not None:
             left = self.departures.memory()
             left["condemned"] = sorted(sum(self.comm.allgather(left["condemned"]), []))
@@ -397,7 +354,7 @@ class Simulation:
 
     def recall(self, memory: dict[str, Any]) -> None:
         """Set the clocks and counters back."""
-        for name in (*_REMEMBERED, "_straining"):
+        for name in _REMEMBERED:
             setattr(self, name, memory[name])
         if self.departures is not None:
             self.departures.recall(memory["departures"])

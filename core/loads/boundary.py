@@ -18,9 +18,12 @@ class Motion(ABC):
     end = 0.0
     """When (s) its last history ends; a stage that is to stop at rest waits for it."""
 
-    def speed(self, time: float, dt: float) -> float:
-        """How fast (m/s) its points move at a time in a step of `dt`; steps may be made shorter where that is fast."""
-        return 0.0
+    def foresee(self, p: Particles, time: float, dt: float, velocity: np.ndarray) -> None:
+        """Set the components of `velocity` (owned, d) that it will impose; zero, so that no step is cut, unless known.
+
+        A step of `dt` is made shorter where points would go too far.
+        """
+        velocity[:] = 0.0
 
     @abstractmethod
     def apply(self, p: Particles, time: float, dt: float, closing_step: bool) -> None:
@@ -48,9 +51,11 @@ class PrescribedMotion(Motion):
         self.end = max((getattr(function, "end", 0.0) for function in velocities.values()), default=0.0)
         self._found = None
 
-    def speed(self, time: float, dt: float) -> float:
-        """How fast (m/s) the points move at a time in a step of `dt`."""
-        return float(np.sqrt(sum(function(time, dt) ** 2 for function in self.velocities.values())))
+    def foresee(self, p: Particles, time: float, dt: float, velocity: np.ndarray) -> None:
+        """Set the components of `velocity` (owned, d) that it will impose."""
+        rows = self._rows(p)
+        for axis, function in self.velocities.items():
+            velocity[rows, axis] = function(time, dt)
 
     def apply(self, p: Particles, time: float, dt: float, closing_step: bool) -> None:
         """Impose the velocity of `time` in a step of `dt`: after the first kick, or the second (`closing_step`).
