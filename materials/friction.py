@@ -28,10 +28,11 @@ def angles_of_cone(eta: float, dilation: float = 0.0) -> FrictionAngles:
 
     In triaxial tests sin(phi) = 3 M/(6 +- M) with M = sqrt(3) eta = q/|p|. In plane strain the stress out of plane
     is that of flow in the plane (`periporo.materials.drucker_prager`), sin(phi) = eta sqrt(1 - dilation^2/3)/(1 - eta
-    dilation/3), which is eta without dilation.
+    dilation/3), which is eta without dilation; from a dilation of sqrt(3) on no flow stays in the plane.
     """
     slope = math.sqrt(3.0) * eta
-    flow = math.sqrt(max(1.0 - dilation**2 / 3.0, 0.0)) / max(1.0 - eta * dilation / 3.0, math.ulp(0.0))
+    in_plane, against = 1.0 - dilation**2 / 3.0, 1.0 - eta * dilation / 3.0
+    flow = math.sqrt(in_plane) / against if in_plane > 0.0 and against > 0.0 else math.inf
     return FrictionAngles(
         compression=_angle(3.0 * slope / (6.0 + slope)),
         extension=_angle(3.0 * slope / (6.0 - slope) if slope < 6.0 else math.inf),

@@ -85,12 +85,33 @@ def _is_overstressed(stress, state, row, static_column, components):
 
 
 @inlined
-def _faded(stress, state, row, static_column, k, memory, new, opened):
-    """Component k of the overstress: the old one fades, the new one comes on top; soil that is open has none."""
+def _faded(stress, state, row, static_column, components, memory, new, opened):
+    """The overstress: the old one fades, the new one, six numbers, comes on top; soil that is open has none."""
     if opened > 0.0:
-        return 0.0
-    old = memory * (stress[row, k] - state[row, static_column + k]) if memory > 0.0 else 0.0
-    return new + old
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if memory == 0.0:
+        return new
+    over, yz, xz = static_column, 0.0, 0.0
+    if components == 6:
+        yz = memory * (stress[row, 4] - state[row, over + 4])
+        xz = memory * (stress[row, 5] - state[row, over + 5])
+    return (
+        new[0] + memory * (stress[row, 0] - state[row, over]),
+        new[1] + memory * (stress[row, 1] - state[row, over + 1]),
+        new[2] + memory * (stress[row, 2] - state[row, over + 2]),
+        new[3] + memory * (stress[row, 3] - state[row, over + 3]),
+        new[4] + yz,
+        new[5] + xz,
+    )
+
+
+@inlined
+def _is_still(increment, row, components):
+    """Whether a row has no strain increment."""
+    still = True
+    for k in range(components):
+        still &= increment[row, k] == 0.0
+    return still
 
 
 @inlined
@@ -127,113 +148,136 @@ def _viscous_work(row, bulk, shear, pressure, stress, state, static, components,
     return on_strain - mean_part / (3.0 * bulk) - (stored - mean_part) / (2.0 * shear)
 
 
-@kernel
-def update_rows(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt):
-    """Advance `stress` (n, 4|6) and `state` (n, k) in place by `increment` (n, 4|6) over `dt` s.
+@inlined
+def _start(c, m, y_all, strength, columns, stress, increment, state, b, components):
+    """What a step of row b begins with.
 
-    `columns` tell the state's optional columns. A row whose update fails keeps its start state; the numbers of those
-    rows are returned.
+    Its trace and deviators, their products, the row's seven numbers but the deviator's, its surface with factors and
+    damage time, and the opened strain. Soil that is open expands into its gap, by the pressure that it bears and by
+    what it may dilate in shear.
     """
-    m = unpack_elasticity(elasticity)
-    c = unpack_pores(pores)
-    y_all = unpack_surface(surface)
-    strength = unpack_strength(strengths)
-    control = unpack_control(controls)
-    components = stress.shape[1]
-    static_column = columns[STATIC]
-    viscous = static_column >= 0
-    failed, failures = np.empty(0, np.int64), 0
+    tr, e = split(increment, b, 0, components)
+    if columns[STATIC] >= 0:
+        i1, s = split(state, b, columns[STATIC], components)
+    else:
+        i1, s = split(stress, b, 0, components)
+    ee = product(e, e)
+    p = state[b, PRESSURE]
+    row = (i1, 0.0, 0.0, state[b, EVP], p, state[b, STRENGTH] + 3.0 * p, state[b, CONTENT])
+    y, factors, growth = surface_of(y_all, strength, columns, state, b)
+    opened = state[b, OPENED]
+    if opened > 0.0:
+        filled = max(y.peak - i1 - 3.0 * p, 0.0) / (m.b0 * m.grain * m.density_factor)
+        filled = min(filled - 2.83 * y.opening * shear_limit(y, y.peak)[1] * math.sqrt(ee), opened)
+        tr += filled
+        opened -= filled
+    return tr, e, s, product(s, s), product(s, e), ee, row, y, factors, growth, opened
+
+
+@kernel
+def _advance_elastic(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt, left):
+    """Advance the rows that stay elastic; the numbers of the others come into `left` (n,), their count is returned."""
+    m, c, control = unpack_elasticity(elasticity), unpack_pores(pores), unpack_control(controls)
+    y_all, strength = unpack_surface(surface), unpack_strength(strengths)
+    components, static_column, dissipation = stress.shape[1], columns[STATIC], columns[DISSIPATION]
+    found = 0
     for b in range(stress.shape[0]):
         if state[b, STRENGTH] == 0.0:
             continue  # a row without state: a bond that is longer than the horizon still
-        tr, e = split(increment, b, 0, components)
-        if viscous:
-            i1, s = split(state, b, static_column, components)
-        else:
-            i1, s = split(stress, b, 0, components)
-        ss = product(s, s)
-        se = product(s, e)
-        ee = product(e, e)
-        if tr == 0.0 and ee == 0.0:  # the two follow from evp: make them exact, e.g. for newborn rows
+        if _is_still(increment, b, components):  # the two follow from evp: make them exact, e.g. for newborn rows
             p, _, x, _ = harden(c, state[b, EVP], state[b, CONTENT], 0.0, state[b, PRESSURE])
             state[b, PRESSURE] = p
             state[b, STRENGTH] = x - 3.0 * p
-        p = state[b, PRESSURE]
-        row = (i1, 0.0, 0.0, state[b, EVP], p, state[b, STRENGTH] + 3.0 * p, state[b, CONTENT])
-        y, factors, growth = surface_of(y_all, strength, columns, state, b)
-        opened = state[b, OPENED]
-        if opened > 0.0:  # it expands into its gap: by the pressure that it bears, and by what it may dilate in shear
-            filled = max(y.peak - i1 - 3.0 * p, 0.0) / (m.b0 * m.grain * m.density_factor)
-            filled = min(filled - 2.83 * y.opening * shear_limit(y, y.peak)[1] * math.sqrt(ee), opened)
-            tr += filled
-            opened -= filled
-        before = p
-        bulk = shear = effective = after = content = 0.0
+        tr, e, s, ss, se, ee, row, y, _, _, opened = _start(
+            c, m, y_all, strength, columns, stress, increment, state, b, components
+        )
+        bulk = shear = effective = p = after = content = 0.0
         if control.fixed_substeps == 0.0:
             bulk, shear, effective, p, after, content = _elastic_step(m, c, y, control, row, tr, ss, se, ee)
-        over_trace = over_s = over_e = 0.0
-        spent = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        u0 = e1 = e2 = 0.0
-        if shear > 0.0:
-            trace, s_share, e_share = effective - 3.0 * p, 1.0, 2.0 * shear
-            memory = 0.0
-            if c.elastic_pressure:
-                state[b, PRESSURE], state[b, CONTENT] = p, content
-                state[b, STRENGTH] = after - 3.0 * p
-            if viscous and _is_overstressed(stress, state, b, static_column, components):
-                memory = math.exp(-_rate_time(control, dt, tr, ee))
-        else:
-            u0, e1, e2 = basis(ss, se, ee)
-            row = (i1, u0, 0.0, row[3], row[4], row[5], row[6])
-            row, growth, push, memory, spent, used, fine = advance(
-                m, c, y, strength, factors, control, row, growth, dt, tr, e1, e2
-            )
-            if not fine:
-                if failures == len(failed):
-                    failed = np.append(failed, np.empty(failures + 8, np.int64))
-                failed[failures] = b
-                failures += 1
-                continue
-            trace, p, bulk, shear = row[0], row[4], used[0], used[1]
-            s_share, e_share = shares(row[1], row[2], u0, e1, e2)
-            over_trace = push[0]
-            over_s, over_e = shares(push[1], push[2], u0, e1, e2)
-            state[b, EVP] = row[3]
-            state[b, PRESSURE] = row[4]
-            state[b, STRENGTH] = row[5] - 3.0 * row[4]
-            state[b, CONTENT] = row[6]
-            if columns[TIME] >= 0:
-                state[b, columns[TIME]] = growth
-        opened += spent[5]
+        if not shear > 0.0:
+            left[found] = b
+            found += 1
+            continue
         state[b, OPENED] = opened
-        static = combine(trace, s, s_share, e, e_share)
-        work = spent[4]
-        strain = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        if spent[3] > 0.0 and (columns[PLASTIC] >= 0 or columns[DISSIPATION] >= 0):
-            plastic_s, plastic_e = shares(spent[1], spent[2], u0, e1, e2)
-            strain = combine(spent[0], s, plastic_s, e, plastic_e)
-        if columns[PLASTIC] >= 0:
-            for k in range(components):
-                state[b, columns[PLASTIC] + k] += strain[k]
-            state[b, columns[LENGTH]] += spent[3]
-        if viscous:
-            new = combine(over_trace, s, over_s, e, over_e)
-            over = (
-                _faded(stress, state, b, static_column, 0, memory, new[0], opened),
-                _faded(stress, state, b, static_column, 1, memory, new[1], opened),
-                _faded(stress, state, b, static_column, 2, memory, new[2], opened),
-                _faded(stress, state, b, static_column, 3, memory, new[3], opened),
-                _faded(stress, state, b, static_column, 4, memory, new[4], opened) if components == 6 else 0.0,
-                _faded(stress, state, b, static_column, 5, memory, new[5], opened) if components == 6 else 0.0,
-            )
-            if columns[DISSIPATION] >= 0:
-                pressure, added = (before, p), (static, over, strain)
-                work += _viscous_work(b, bulk, shear, pressure, stress, state, static_column, components, added)
+        if c.elastic_pressure:
+            state[b, PRESSURE], state[b, CONTENT] = p, content
+            state[b, STRENGTH] = after - 3.0 * p
+        work = 0.0
+        static = combine(effective - 3.0 * p, s, 1.0, e, 2.0 * shear)
+        if static_column >= 0:
+            memory = 0.0
+            if _is_overstressed(stress, state, b, static_column, components):
+                memory = math.exp(-_rate_time(control, dt, tr, ee))
+            none = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+            over = _faded(stress, state, b, static_column, components, memory, none, opened)
+            if dissipation >= 0:
+                pressure, added = (row[4], p), (static, over, none)
+                work = _viscous_work(b, bulk, shear, pressure, stress, state, static_column, components, added)
             store(state, b, static_column, components, static)
             static = plus(static, over)
         store(stress, b, 0, components, static)
-        if columns[DISSIPATION] >= 0:
-            state[b, columns[DISSIPATION]] = work
+        if dissipation >= 0:
+            state[b, dissipation] = work
+    return found
+
+
+@kernel
+def _advance_plastic(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt, left):
+    """Advance the rows with the numbers `left`; those whose update fails stay as they were, and are returned."""
+    m, c, control = unpack_elasticity(elasticity), unpack_pores(pores), unpack_control(controls)
+    y_all, strength = unpack_surface(surface), unpack_strength(strengths)
+    components, static_column = stress.shape[1], columns[STATIC]
+    plastic_column, dissipation = columns[PLASTIC], columns[DISSIPATION]
+    failed, failures = np.empty(len(left), np.int64), 0
+    for b in left:
+        tr, e, s, ss, se, ee, row, y, factors, growth, opened = _start(
+            c, m, y_all, strength, columns, stress, increment, state, b, components
+        )
+        before = row[4]
+        u0, e1, e2 = basis(ss, se, ee)
+        row = (row[0], u0, 0.0, row[3], row[4], row[5], row[6])
+        row, growth, push, memory, spent, used, fine = advance(
+            m, c, y, strength, factors, control, row, growth, dt, tr, e1, e2
+        )
+        if not fine:
+            failed[failures] = b
+            failures += 1
+            continue
+        state[b, EVP], state[b, PRESSURE], state[b, CONTENT] = row[3], row[4], row[6]
+        state[b, STRENGTH] = row[5] - 3.0 * row[4]
+        if columns[TIME] >= 0:
+            state[b, columns[TIME]] = growth
+        opened += spent[5]
+        state[b, OPENED] = opened
+        s_share, e_share = shares(row[1], row[2], u0, e1, e2)
+        static = combine(row[0], s, s_share, e, e_share)
+        s_share, e_share = shares(spent[1], spent[2], u0, e1, e2)
+        strain, work = combine(spent[0], s, s_share, e, e_share), spent[4]
+        if plastic_column >= 0:
+            for k in range(components):
+                state[b, plastic_column + k] += strain[k]
+            state[b, columns[LENGTH]] += spent[3]
+        if static_column >= 0:
+            s_share, e_share = shares(push[1], push[2], u0, e1, e2)
+            new = combine(push[0], s, s_share, e, e_share)
+            over = _faded(stress, state, b, static_column, components, memory, new, opened)
+            if dissipation >= 0:
+                pressure, added = (before, row[4]), (static, over, strain)
+                work += _viscous_work(b, used[0], used[1], pressure, stress, state, static_column, components, added)
+            store(state, b, static_column, components, static)
+            static = plus(static, over)
+        store(stress, b, 0, components, static)
+        if dissipation >= 0:
+            state[b, dissipation] = work
     return failed[:failures]
 
 
+def update_rows(constants, columns, stress, increment, state, dt):
+    """Advance `stress` (n, 4|6) and `state` (n, k) in place by `increment` (n, 4|6) over `dt` s.
+
+    `constants` are those of elasticity, pores, surface, strength and control as arrays; `columns` tell the state's
+    optional columns. A row whose update fails keeps its start state; the numbers of those rows are returned.
+    """
+    left = np.empty(len(stress), np.int64)
+    found = _advance_elastic(*constants, columns, stress, increment, state, dt, left)
+    return _advance_plastic(*constants, columns, stress, increment, state, dt, left[:found])

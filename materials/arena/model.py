@@ -31,6 +31,9 @@ from periporo.materials.arena.surface import coefficients, squared_limit
 from periporo.materials.arena.variability import strength_factors
 from periporo.materials.friction import FrictionAngles, angles_of_cone
 
+_LARGEST_ANGLE = 50.0  # degrees, of friction of dense sand at low pressure
+_LARGEST_FACTOR = 3.0  # of strength
+
 
 class Arena(ArenaParameters):
     """Arena soil model (Arena manual, Banerjee & Brannon 2017) with the corrections of docs/explanation/arena.md.
@@ -230,7 +233,8 @@ class Arena(ArenaParameters):
         With infinite `dt` the overstress vanishes and damage does not grow. Raises UpdatesFailed for rows whose
         update fails: they keep their start state.
         """
-        failed = update_rows(*self._packed, self._columns[stress.shape[1]], stress, strain_increment, state, float(dt))
+        columns = self._columns[stress.shape[1]]
+        failed = update_rows(self._packed, columns, stress, strain_increment, state, float(dt))
         if len(failed):
             raise UpdatesFailed(failed, "the return to the yield surface did not converge")
 
@@ -256,13 +260,16 @@ class Arena(ArenaParameters):
         dimension = tensors.dimension_of(stress)
         angles = self.friction_angles(dimension, strongest)
         acting, where = (angles.plane_strain, "plane strain") if dimension == 2 else (angles.compression, "compression")
-        if acting is not None:
-            return {}
         if strongest == 1.0:
+            if acting is not None:
+                return {}
             return {"friction": f"FSLOPE {self.FSLOPE:g} has no limit in {where} at low pressure: nothing shears it"}
+        if acting is not None and acting <= _LARGEST_ANGLE and strongest <= _LARGEST_FACTOR:
+            return {}
+        meaning = f"has {'no limit' if acting is None else f'an angle of friction of {acting:.1f} degrees'} in {where}"
         return {
-            "friction": f"FSLOPE {self.FSLOPE:g} times a strength factor of {strongest:.3g} has no limit in {where} at "
-            "low pressure; the size effect makes points that are smaller than weibull_reference_volume stronger"
+            "friction": f"FSLOPE {self.FSLOPE:g} times a strength factor of {strongest:.3g} {meaning} at low pressure; "
+            "the size effect makes points that are smaller than weibull_reference_volume stronger"
         }
 
     @property

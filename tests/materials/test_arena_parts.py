@@ -17,6 +17,7 @@ from periporo.errors import InputError
 from periporo.io.input.load import parse_scene
 from periporo.materials.arena import Arena
 from periporo.materials.arena.variability import strength_factors
+from periporo.materials.friction import angles_of_cone
 
 QUASISTATIC = {"T1": 0.0, "T2": 0.0}
 ISOTROPIC = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]) / 3.0
@@ -423,6 +424,24 @@ def test_every_strength_may_have_a_weibull_law_of_its_own():
     unlike = Arena(do_variability=True, weibull_seed={"FSLOPE": 5})
     with pytest.raises(ValueError, match=r"against the rules .*FSLOPE > YSLOPE.*draw alike"):
         unlike.initial_state(np.zeros((n, 6)), ids, np.full(n, volume))
+
+
+@pytest.mark.parametrize(
+    ("fslope", "volume", "components", "words"),
+    [
+        (0.1, 1e-3, 4, None), (0.1, 1e-3, 6, None),
+        (0.1, 1e-6, 6, "times a strength factor of 5.62 has an angle of friction of"),
+        (0.1, 1e-6, 4, "size effect makes points that are smaller"), (0.3, 5e-4, 4, "no limit in plane strain"),
+    ],
+)  # fmt: skip
+def test_a_size_effect_beyond_reason_is_doubted(fslope, volume, components, words):
+    """57 degrees at FSLOPE 0.56 in compression, no limit in the plane; and a cone that dilates out of the plane."""
+    law = Arena(FSLOPE=fslope, YSLOPE=0.05, do_variability=True, weibull_seed=0)
+    stress = np.zeros((2, components))
+    state = law.initial_state(stress, np.zeros((2, 2), np.int64), np.full(2, volume))
+    doubts = law.doubts(stress, state)
+    assert doubts == {} if words is None else words in doubts["friction"]
+    assert angles_of_cone(1.2, 1.8).plane_strain is None and angles_of_cone(0.5).plane_strain == pytest.approx(30.0)
 
 
 def test_porosity_saturation_and_density_follow_from_a_sample():
