@@ -130,6 +130,7 @@ def _simulate(arguments) -> int:
     from periporo.core.motion.relaxation import RelaxationError
     from periporo.core.run import run
     from periporo.core.scene.check import check_scene
+    from periporo.core.watch.strength import StabilityError
     from periporo.core.watch.watchdog import WatchdogError
 
     try:
@@ -140,7 +141,9 @@ def _simulate(arguments) -> int:
             walltime=arguments.walltime, pictures=not arguments.no_plot, quiet=arguments.quiet,
         )  # fmt: skip
         return 0
-    except (InputError, OutputError, ContactError, RelaxationError, RefusedStep, WatchdogError) as error:  # on all
+    except (
+        InputError, OutputError, ContactError, RelaxationError, RefusedStep, StabilityError, WatchdogError
+    ) as error:  # the same on all ranks
         if comm.rank == 0:
             print(f"periporo: {error}", file=sys.stderr, flush=True)
         comm.Barrier()

@@ -24,6 +24,7 @@ from periporo.core.watch.interrupt import Interrupted, Keeper, Signals
 from periporo.core.watch.observers import Callback, HistoryObserver, ProgressObserver, ResultObserver, present_obstacles
 from periporo.core.watch.state import State, StateError, memory, tables
 from periporo.core.watch.state import resume as resume_from
+from periporo.core.watch.strength import StrengthReductionStage
 from periporo.core.watch.watchdog import Watchdog
 from periporo.core.water import flow
 from periporo.errors import InputError, OutputError
@@ -106,6 +107,9 @@ def run(
                 progress.message(f"{reason}\ngo on with: {_how_to_resume(source)}")
                 return target
             figures = {"wall_time_s": time.monotonic() - began, "timing": _timing(sim), "retries": watchdog.retries}
+            for stage in sim.stages:
+                if isinstance(stage, StrengthReductionStage):
+                    figures[f"factor_of_safety_{stage.name}"] = stage.safety
             deposit, counts = _deposit(sim, history), _counters(sim)
             writer.set_attributes({**figures, **deposit, **counts, "finished": 1})
         everywhere(comm, checkpoint.remove, target)

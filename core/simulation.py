@@ -141,8 +141,11 @@ class Simulation:
         """Distance within which a rank needs the points of others, m."""
         return self.farthest * _MARGIN
 
-    def rebuild(self) -> None:
-        """Give points to the ranks that own their places, and find ghosts and neighbours anew."""
+    def rebuild(self, arrive: Callable[[Domain], dict[str, np.ndarray]] | None = None) -> None:
+        """Give points to the ranks that own their places, and find ghosts and neighbours anew.
+
+        New points come whose migrating fields `arrive` gives for this rank's part of a division of space.
+        """
         p = self.particles
         self._refuse_breaches()
         self._adapt_skin()
@@ -153,6 +156,10 @@ class Simulation:
         self.bonds.collect(self.comm, p, owner)
         owned = self.halo.migrate(p, owner)
         owned["reference_position"] = owned["position"].copy()
+        if arrive is not None:
+            arriving = arrive(self.domain)
+            order = np.argsort(np.concatenate([owned["id"], arriving["id"]]), kind="stable")
+            owned = {name: np.concatenate([array, arriving[name]])[order] for name, array in owned.items()}
         self.farthest = max([self.reach, *(reach_of(owned) for reach_of in self.reaches)])
         self.halo.rebuild(p, self.domain, owned, self.ghost_reach)
         self.bonds.rebuild(p, self.reach)

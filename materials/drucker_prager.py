@@ -105,6 +105,15 @@ class DruckerPrager(MaterialParameters):
                 eta, xi = _plane_strain_cone(phi, flow)
         return eta, xi * self.cohesion, flow
 
+    def weakened(self, factor: float) -> Self:
+        """The law with cohesion, tan(friction_angle), tan(dilation_angle) and cut-off divided by `factor`."""
+        angles = {
+            name: math.degrees(math.atan(math.tan(math.radians(getattr(self, name))) / factor))
+            for name in ("friction_angle", "dilation_angle")
+        }
+        cutoff = None if self.tension_cutoff is None else self.tension_cutoff / factor
+        return self.model_copy(update={"cohesion": self.cohesion / factor, "tension_cutoff": cutoff, **angles})
+
     def largest_mean_stress(self, dimension: int) -> float:
         """Mean stress in Pa at the cut-off or the apex, whichever is lower; infinite for von Mises."""
         eta, strength, _ = self.cone(dimension)

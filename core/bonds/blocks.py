@@ -74,6 +74,11 @@ class Block(Rows):
         # of the strains in a step since `forget_peak`: square of the largest, and its row; its ids after a rebuild
         self.peak, self.peak_ids = np.array([0.0, -1.0]), np.full(2, -1)
 
+    def use(self, law: Material) -> None:
+        """Go on with another law of the same state."""
+        self.material = law
+        self.opening = Opening.of(law, self.stress.shape[1])
+
     def forget_peak(self) -> None:
         """Start to look for the largest strain anew."""
         self.peak[:], self.peak_ids = (0.0, -1.0), np.full(2, -1)

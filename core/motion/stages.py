@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from periporo.core.bonds.bonds import RefusedStep
+from periporo.core.motion.construction import Construction
 from periporo.core.motion.relaxation import Relaxation, RelaxationError
 from periporo.core.numerics.tensors import square_lengths
 from periporo.core.points.forces import PRESCRIBED
@@ -26,6 +27,7 @@ class Stage(ABC):
     contacts: list = field(default_factory=list)
     loads: list = field(default_factory=list)
     inflows: list = field(default_factory=list)  # of water
+    construction: Construction | None = field(default=None, kw_only=True)
 
     def run(self, sim, resumed: bool = False) -> None:
         """Put the stage's conditions in force and go through it, or through the rest of it if `resumed`."""
@@ -35,12 +37,18 @@ class Stage(ABC):
             for observer in sim.observers:
                 observer.resume_stage(sim, self)
         else:
+            if self.construction is not None:
+                self.construction.carry_out(sim)
             self._set_out(sim)
             before = sim.stages[max(sim.stage_number - 1, 0)].contacts  # at the start of a run those of the first stage
             for contact in self.contacts:
                 if contact not in before:
                     contact.appear(sim.particles, sim.time, before)
             sim.time_step.expire()
+            former = sim.stages[sim.stage_number - 1].loads if sim.stage_number else []
+            for load in self.loads:
+                if hasattr(load, "begin"):
+                    load.begin(sim, former)
             sim.apply_loads(0.0)
             for observer in sim.observers:
                 observer.start_stage(sim, self)

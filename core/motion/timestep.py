@@ -87,12 +87,14 @@ class StableTimeStep:
 def damped_limit(sim, frequency: float) -> float:
     """Longest step over 2/`frequency` (rad/s) with the scheme's viscosity and the dampings of contacts.
 
-    It is a bit below sqrt(1 + zeta^2) - zeta, zeta being the larger of a omega l / c and the contacts' shares of
-    critical damping. The former is at least the part of critical damping of a wave of that frequency, for viscosity
-    a rho c l against the uneven part of the rate, which is up to twice the rate. The damping force is that of the
-    velocity half a step earlier, so it shortens the step. Infinite without any.
+    It is a bit below sqrt(1 + zeta^2) - zeta, zeta being the largest of a omega l / c and the shares of critical
+    damping of contacts and loads. The former is at least the part of critical damping of a wave of that frequency, for
+    viscosity a rho c l against the uneven part of the rate, which is up to twice the rate. The damping force is that of
+    the velocity half a step earlier, so it shortens the step. Infinite without any.
     """
     zeta = max([_viscosity(sim, frequency), *(float(np.max(contact.damping)) for contact in sim.contacts)])
+    rates = [load.damping_rate for load in sim.loads if hasattr(load, "damping_rate")]
+    zeta = max([zeta, *(0.5 * rate / frequency for rate in rates)])
     return _DAMPED * (math.sqrt(1.0 + zeta * zeta) - zeta) if zeta > 0.0 else math.inf
 
 

@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from periporo.core.loads.absorbing import Absorbing
 from periporo.core.loads.boundary import DisplacementHistory, PrescribedMotion, Traction, VelocityHistory
+from periporo.core.numerics.histories import AccelerationHistory, without_drift
 from periporo.core.water.boundaries import WaterBoundary
 from periporo.errors import InputError, Problem
 from periporo.io.schema.bodies import Points
@@ -10,7 +12,9 @@ from periporo.io.schema.bodies import Points
 _SAME = 1e-6  # spacings by which places that are the same may differ
 
 
-def build_boundary(scene, name: str, lattices, moving: bool) -> PrescribedMotion | Traction | WaterBoundary:
+def build_boundary(
+    scene, name: str, lattices, moving: bool
+) -> PrescribedMotion | Traction | Absorbing | WaterBoundary:
     """The boundary condition `name`; prescribed components stand still in a stage that is not `moving`."""
     boundary = scene.boundaries[name]
     sites = _selected(scene, boundary.where, lattices)
@@ -18,20 +22,34 @@ def build_boundary(scene, name: str, lattices, moving: bool) -> PrescribedMotion
         raise InputError("scene", [Problem(("boundaries", name, "where"), "no point of the scene lies in it")])
     if boundary.traction is not None:
         return _traction(scene, name, boundary.traction, sites)
+    if boundary.absorb is not None:
+        return _absorbing(scene, name, boundary.absorb, sites)
     ids = np.sort(np.concatenate([ids for _, ids, _ in sites]))
     if boundary.water is not None:
         return _water_at_faces(scene, ids, boundary.water)
     if boundary.fix:
         return PrescribedMotion(ids, {"xyz".index(a): _standstill for a in boundary.fix})
-    components, history = boundary.velocity, VelocityHistory
-    if boundary.displacement is not None:
-        components, history = boundary.displacement, DisplacementHistory
-    velocities = {}
-    for axis, letter in enumerate("xyz"[: scene.dimension]):
-        component = getattr(components, letter)
-        if component is not None:
-            velocities[axis] = history(component.times, component.values) if moving else _standstill
-    return PrescribedMotion(ids, velocities)
+    velocities = _velocities(boundary)
+    return PrescribedMotion(ids, velocities if moving else dict.fromkeys(velocities, _standstill))
+
+
+def _velocities(model):
+    """Functions of time and time step that give the velocity along each axis that a boundary prescribes."""
+    if model.acceleration is not None:
+        histories = model.acceleration.histories()
+        values = {a: corrected(model.acceleration.baseline, h.times, h.values) for a, h in histories.items()}
+        return {"xyz".index(a): AccelerationHistory(h.times, values[a]) for a, h in histories.items()}
+    if getattr(model, "displacement", None) is not None:
+        components, kind = model.displacement, DisplacementHistory
+    else:
+        components, kind = model.velocity, VelocityHistory
+    return {"xyz".index(a): kind(h.times, h.values) for a, h in components.histories().items()} if components else {}
+
+
+def corrected(baseline: str, times, values) -> np.ndarray:
+    """The accelerations (n,) of a record, without drift if they are to be corrected."""
+    values = np.asarray(values, float)
+    return without_drift(np.asarray(times, float), values) if baseline == "correct" else values
 
 
 def hold(lattice) -> PrescribedMotion:
@@ -61,6 +79,11 @@ def region_corners(region, dimension: int) -> tuple[np.ndarray, np.ndarray]:
     return lower, upper
 
 
+def selected_ids(scene, region, lattices) -> np.ndarray:
+    """Ids (n,) of the points that lie in a region at the start, ascending."""
+    return np.sort(np.concatenate([ids for _, ids, _ in _selected(scene, region, lattices)]))
+
+
 def _selected(scene, region, lattices):
     """(lattice, ids (n,), positions (n, d)) of the points of each body that lie in a region at the start."""
     lower, upper = region_corners(region, scene.dimension)
@@ -79,6 +102,14 @@ def _traction(scene, name, model, sites):
     order = np.argsort(ids)
     lever = reach[order, None] * sign * np.eye(scene.dimension)[axis]
     return Traction(name, ids[order], np.array(model.stress) * scene.spacing ** (scene.dimension - 1), lever)
+
+
+def _absorbing(scene, name, model, sites):
+    """Dashpots on the outermost of the selected points."""
+    axis, sign = "xyz".index(model.side[0]), 1.0 if model.side[1] == "+" else -1.0
+    ids = np.sort(_outermost(scene, sites, axis, sign)[0])
+    lever = 0.5 * scene.spacing * sign * np.eye(scene.dimension)[axis]
+    return Absorbing(name, ids, lever, scene.spacing ** (scene.dimension - 1), _velocities(model))
 
 
 def _outermost(scene, sites, axis, sign):

@@ -3,14 +3,15 @@
 import numpy as np
 from mpi4py import MPI
 
-from periporo.contact.faces import FACES, REACH, Faces, hat
+from periporo.contact.faces import Faces
 from periporo.core.correspondence.balance import balance, tilt_field
 from periporo.core.correspondence.bond_projected import BondProjected
 from periporo.core.correspondence.point_state import PointState
 from periporo.core.correspondence.standard import Standard
 from periporo.core.correspondence.sub_horizon import SubHorizon
 from periporo.core.correspondence.sub_horizon_published import SubHorizonPublished
-from periporo.core.loads.boundary import Gravity, Traction, ViscousDamping, without_overlaps
+from periporo.core.loads.absorbing import Absorbing
+from periporo.core.loads.boundary import Gravity, PrescribedMotion, Traction, ViscousDamping, without_overlaps
 from periporo.core.motion.dissipation import PlasticDissipation, reports
 from periporo.core.motion.stages import DynamicsStage, RelaxStage
 from periporo.core.motion.timestep import StableTimeStep
@@ -19,8 +20,8 @@ from periporo.core.points.departures import Departures
 from periporo.core.points.extent import Extent
 from periporo.core.points.particles import Particles
 from periporo.core.scene.boundaries import build_boundary, hold, region_corners
+from periporo.core.scene.construction import bodies_at_start, build_constructions
 from periporo.core.scene.contacts import (
-    bonding_groups,
     build_bodies_contact,
     build_contact,
     build_repulsion,
@@ -31,12 +32,13 @@ from periporo.core.scene.contacts import (
 )
 from periporo.core.scene.geostatic import GeostaticStress, uniform_stress
 from periporo.core.scene.grounds import share_grounds
+from periporo.core.scene.points import PointMaker
 from periporo.core.scene.water import build_water, wetted
 from periporo.core.simulation import Simulation
+from periporo.core.watch.strength import StrengthReductionStage
 from periporo.core.water.boundaries import WaterBoundary
 from periporo.errors import InputError, Problem
 from periporo.io.geometry import lattice as geometry
-from periporo.io.geometry.faces import find_faces
 from periporo.io.geometry.origin import relative, scene_origin
 from periporo.io.schema.scene import SceneInput
 
@@ -90,10 +92,12 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
         sim.reaches.append(faces.find_reach)
         sim.preparations += [faces.share_out, lambda sim: refuse_overlaps(scene, between, sim)]
     for stage in scene.stages:
-        if stage.type == "dynamics" and stage.damping.viscous > 0.0:
+        if stage.type != "relax" and stage.damping.viscous > 0.0:
             sim.forces.need("damping")
     if any(stage.type == "relax" for stage in scene.stages):
         RelaxStage.attach(particles)
+    if any(stage.type == "strength_reduction" for stage in scene.stages):
+        StrengthReductionStage.attach(particles)
     repulsion = build_repulsion(sim)
     repulsion.attach(particles, sim.forces)
     lattices = geometry.build_lattices(scene)
@@ -102,7 +106,8 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
         everywhere = np.full(scene.dimension, -np.inf), np.full(scene.dimension, np.inf)
         corners = everywhere if scene.domain is None else region_corners(scene.domain, scene.dimension)
         sim.departures = Departures(*corners, failed=scene.failed_points == "remove")
-    _place_points(scene, comm, particles, materials, water, lattices)
+    maker = PointMaker(scene, particles, materials, water, lattices, [body for body, _ in _flying(scene)])
+    particles.replace(maker.part_of(comm, bodies_at_start(scene)), 0)
     refuse_penetration(scene, contacts, sim)
     fit_jittered(scene, contacts, particles)
     if scene.initial_stress is not None:
@@ -110,6 +115,7 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
         sim.bonds.initial_stress_is_total = water is not None and scene.initial_stress.type == "geostatic"
     free_water = [] if water is None or water.free is None else [water.free]
     sim.stages = [_stage(scene, sim, stage, contacts, free_water, lattices) for stage in scene.stages]
+    build_constructions(scene, sim, lattices, maker)
     for model, built in zip(scene.stages, sim.stages, strict=True):
         built.contacts += [between[m] for m in [_bodies_models(scene, model)] if m]
         built.contacts.append(repulsion)
@@ -132,66 +138,12 @@ def _between_bodies(scene, faces, sim):
     return {s: build_bodies_contact(scene, [scene.contacts[k] for k in s], faces, sim) for s in sets}
 
 
-def _place_points(scene, comm, particles, materials, water, lattices):
-    """Each rank makes its part of every body's lattice; the first rebuild hands points to their owners."""
-    parts = {name: [] for name in ("id", "position", "volume", "material", "body", "velocity")}
-    held = [number for number, _ in _flying(scene)]
-    for number, (body, lattice) in enumerate(zip(scene.bodies, lattices, strict=True)):
-        begin, end = (lattice.size * r // comm.size for r in (comm.rank, comm.rank + 1))
-        for start in range(begin, end, geometry.CHUNK):
-            ids, position, volume, material = lattice.sites(start, min(start + geometry.CHUNK, end))
-            parts["id"].append(ids)
-            parts["position"].append(position)
-            parts["volume"].append(volume)
-            parts["material"].append(material)
-            parts["body"].append(np.full(len(ids), number))
-            velocity = np.zeros(scene.dimension) if number in held else scene.vector(body.velocity)
-            parts["velocity"].append(np.tile(velocity, (len(ids), 1)))
-    owned = {name: np.concatenate(arrays) if arrays else None for name, arrays in parts.items()}
-    if owned["id"] is None:
-        owned = _no_points(particles)
-    owned["group"] = bonding_groups(scene)[owned["body"]]
-    owned["mass"] = owned["volume"] * np.array([m.density for m in materials])[owned["material"]]
-    if water is not None:
-        water.initial_fields(owned)
-    for field in particles.migrating():
-        shape = (len(owned["id"]),) if field.columns is None else (len(owned["id"]), field.columns)
-        owned.setdefault(field.name, np.zeros(shape, field.dtype))
-    if "face" in particles.fields:
-        owned["face"] = _faces(scene, owned)
-    owned["dilation"] = np.ones(len(owned["id"]))
-    owned["initial_position"] = owned["position"].copy()
-    owned["reference_position"] = owned["position"].copy()
-    particles.replace(owned, 0)
-
-
 def _extent(scene, lattices):
     gravity = scene.vector(scene.gravity)
     strength = float(np.sqrt((gravity**2).sum()))
     up = -gravity / strength if strength else np.eye(scene.dimension)[-1]
     lower, upper = np.min([b.lower for b in lattices], axis=0), np.max([b.upper for b in lattices], axis=0)
     return Extent(lower, upper, up + 0.0)  # no minus zero
-
-
-def _faces(scene, owned):
-    """What the points know of the faces of their bodies: see `periporo.contact.faces`."""
-    d, h = scene.dimension, scene.spacing
-    face = np.zeros((len(owned["id"]), 1 + FACES[d] * (1 + d)))
-    for number, body in enumerate(scene.bodies):
-        rows = owned["body"] == number
-        depths, normals = find_faces(body.shape, owned["position"][rows], FACES[d], REACH * h)
-        known = normals[:, 0].any(axis=1)
-        depths[~known, 0] = 0.5 * h  # a ball
-        share = np.where(known, hat(depths[:, 0], h), 1.0)
-        each = np.concatenate([depths[..., None], normals], axis=2)
-        face[rows] = np.column_stack([share, each.reshape(len(share), -1)])
-    return face
-
-
-def _no_points(particles):
-    names = ("id", "position", "volume", "material", "body", "velocity")
-    fields = [particles.fields[n] for n in names]
-    return {f.name: np.zeros(0 if f.columns is None else (0, f.columns), f.dtype) for f in fields}
 
 
 def _initial_stress(scene, materials, water, lattices):
@@ -225,9 +177,11 @@ def _stage(scene, sim, stage, contacts, free_water, lattices):
     if scene.gravity is not None:
         loads.append(Gravity(scene.vector(scene.gravity)))
     for name in stage.boundaries:
-        boundary = build_boundary(scene, name, lattices, moving=stage.type == "dynamics")
-        kind = loads if isinstance(boundary, Traction) else inflows if isinstance(boundary, WaterBoundary) else motions
-        kind.append(boundary)
+        boundary = build_boundary(scene, name, lattices, moving=stage.type != "relax")
+        if isinstance(boundary, Absorbing):
+            boundary.attach(sim.particles, sim.forces)
+        kind = motions if isinstance(boundary, PrescribedMotion) else loads
+        (inflows if isinstance(boundary, WaterBoundary) else kind).append(boundary)
     flying = _flying(scene) if stage in scene.stages[: _first_motion(scene) + 1] else []
     if stage.type == "relax":
         motions += [hold(lattices[body]) for body, _ in flying]  # until their first motion
@@ -242,6 +196,10 @@ def _stage(scene, sim, stage, contacts, free_water, lattices):
         )  # fmt: skip
     if stage.damping.viscous > 0.0:
         loads.append(ViscousDamping(stage.damping.viscous, lambda: sim.dt))
+    if stage.type == "strength_reduction":
+        speed = stage.moving * float(np.linalg.norm(scene.vector(scene.gravity))) / stage.damping.viscous
+        trials = {"trial": stage.trial, "speed": speed, "accuracy": stage.accuracy, "largest": stage.largest}
+        return StrengthReductionStage(stage.name, motions, present, loads, inflows, **trials)
     dynamics = DynamicsStage(stage.name, motions, present, loads, inflows, stage.duration, stage.stop_when_at_rest)
     dynamics.launches = flying
     return dynamics

@@ -80,7 +80,8 @@ def memory(sim) -> dict:
         "time_step": sim.time_step.memory(),
         "stage": sim.stages[sim.stage_number].memory(),
         "observers": [kept for o in sim.observers if (kept := o.memory())],
-        "contacts": [c.memory() for c in _remembering_contacts(sim)],
+        "contacts": [c.memory() for c in _remembering(sim, "contacts")],
+        "loads": [load.memory() for load in _remembering(sim, "loads")],
     }
 
 
@@ -98,14 +99,15 @@ def _recall(sim, memory):
     sim.stages[sim.stage_number].recall(sim, memory["stage"])
     for part, remembered in (
         *zip([o for o in sim.observers if o.memory()], memory["observers"], strict=True),
-        *zip(_remembering_contacts(sim), memory["contacts"], strict=True),
+        *zip(_remembering(sim, "contacts"), memory["contacts"], strict=True),
+        *zip(_remembering(sim, "loads"), memory["loads"], strict=True),
     ):
         part.recall(remembered)
 
 
-def _remembering_contacts(sim):
-    contacts = [c for stage in sim.stages for c in stage.contacts if hasattr(c, "memory")]
-    return list(dict.fromkeys(contacts))
+def _remembering(sim, kind: str):
+    parts = [part for stage in sim.stages for part in getattr(stage, kind) if hasattr(part, "memory")]
+    return list(dict.fromkeys(parts))
 
 
 def resume(sim, state: State) -> None:

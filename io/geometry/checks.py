@@ -35,9 +35,10 @@ def geometry_problems(scene: SceneInput) -> Iterator[Problem]:
         return
     yield from _domain_problems(scene, lattices, origin)
     yield from ground_problems(local, lattices, origin)
-    touching = scene.touching_bodies()  # by their faces, wherever their points are
+    touching, placed = scene.touching_bodies(), scene.placed_bodies()  # by their faces, wherever their points are
     for k, second in enumerate(lattices):
         others = [first for first in lattices[:k] if {first.body.name, second.body.name} not in touching]
+        others = [first for first in others if placed.isdisjoint({first.body.name, second.body.name})]
         overlapped = [(first, place) for first in others if (place := find_overlap(first, second)) is not None]
         for first, place in overlapped:
             at = place_text(place, origin, 4)

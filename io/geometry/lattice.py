@@ -240,12 +240,12 @@ def build_lattices(scene: SceneInput) -> list[Lattice]:
 
 def _companies(scene: SceneInput) -> list[int]:
     """For each body the first of those that it shares a lattice with: they meet, directly or by others, and bond."""
-    touching = scene.bodies_in_contact()
+    touching, placed = scene.bodies_in_contact(), scene.placed_bodies()
     first = list(range(len(scene.bodies)))
     corners = [bounds(body.shape, scene.dimension) for body in scene.bodies]
     for k, body in enumerate(scene.bodies):
-        stands = isinstance(body.shape, Raster) and body.shape.conform
-        if body.lattice == "own" or body.name in touching or isinstance(body.shape, Points) or stands:
+        alone = isinstance(body.shape, Points) or (isinstance(body.shape, Raster) and body.shape.conform)
+        if body.lattice == "own" or body.name in touching or body.name in placed or alone:
             corners[k] = np.full(scene.dimension, np.inf), np.full(scene.dimension, -np.inf)
         lower, upper = corners[k]
         for j in range(k):

@@ -3,17 +3,20 @@
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 from pydantic import BaseModel
 
+from periporo.core.numerics.histories import drift
 from periporo.errors import Path, Problem, choice
 from periporo.io.geometry.checks import geometry_problems
-from periporo.io.schema.base import MotionComponents, Region, SceneModel
+from periporo.io.schema.base import AccelerationComponents, MotionComponents, Region, SceneModel
 from periporo.io.schema.bodies import Body, Polygon, Raster, StressComponents
-from periporo.io.schema.contacts import Boundary, TerrainContact, Traction, WaterAtFaces
+from periporo.io.schema.contacts import Absorb, Boundary, TerrainContact, Traction, WaterAtFaces
 from periporo.io.schema.errors import model_problems
 from periporo.io.schema.scene import POINT_SCHEMES, SceneInput
 from periporo.materials import registry
 
+_DRIFT = 0.05  # of the largest velocity, or displacement, that a record may leave
 _ONLY_IN_2D = ("disc", "polyline")
 _ONLY_IN_3D = ("cylinder", "sphere", "raster", "mesh", "terrain")
 
@@ -53,7 +56,8 @@ def _law_problems(path: Path, parameters: dict[str, Any]) -> list[Problem]:
 def scene_problems(scene: SceneInput) -> list[Problem]:
     """Contradictions within a scene whose parts are valid each for itself."""
     problems = [*_dimension_problems(scene), *_order_problems(scene), *_name_problems(scene)]
-    problems += [*_gravity_problems(scene), *_motion_problems(scene), *_water_problems(scene)]
+    problems += [*_gravity_problems(scene), *_motion_problems(scene), *_strength_problems(scene)]
+    problems += _water_problems(scene)
     return problems or list(geometry_problems(scene))
 
 
@@ -105,7 +109,7 @@ def _out_of_plane(path: Path, part: SceneModel) -> Iterator[Problem]:
         yield Problem((*path, "fix"), message)
     if isinstance(part, MotionComponents) and part.z is not None:
         yield Problem((*path, "z"), message)
-    if isinstance(part, Traction | WaterAtFaces) and part.side is not None and part.side[0] == "z":
+    if isinstance(part, Absorb | Traction | WaterAtFaces) and part.side is not None and part.side[0] == "z":
         yield Problem((*path, "side"), message)
     if isinstance(part, StressComponents):
         for name in ("yz", "xz"):
@@ -134,6 +138,14 @@ def _name_problems(scene: SceneInput) -> Iterator[Problem]:
                 yield Problem(
                     (key, k, "name"), f"the name '{name}' stands in {key} twice; each needs its own"
                 )
+    placed: set[str] = set()
+    for k, stage in enumerate(scene.stages):
+        for n, name in enumerate(stage.place):
+            if name in placed:
+                yield Problem(("stages", k, "place", n), f"'{name}' has been placed before; a body comes once")
+            placed.add(name)
+    if len(placed) == len(bodies):
+        yield Problem(("stages",), "no body is there at the start: all are placed later; leave one to begin with")
     for path, name, kind, known in _references(scene, bodies, stages):
         if name not in known:
             yield Problem(path, f"there is no {kind} '{name}'; {choice(name, list(known))}")
@@ -156,6 +168,11 @@ def _references(scene: SceneInput, bodies: list[str], stages: list[str]) -> Iter
     for k, stage in enumerate(scene.stages):
         for n, name in enumerate(stage.boundaries):
             yield ("stages", k, "boundaries", n), name, "boundary condition", scene.boundaries
+        for n, name in enumerate(stage.place):
+            yield ("stages", k, "place", n), name, "body", bodies
+        for n, region in enumerate(stage.remove):
+            if region.body is not None:
+                yield ("stages", k, "remove", n, "body"), region.body, "body", bodies
     for k, contact in enumerate(scene.contacts):
         for n, name in enumerate(contact.stages or ()):
             yield ("contacts", k, "stages", n), name, "stage", stages
@@ -191,6 +208,7 @@ def _motion_problems(scene: SceneInput) -> Iterator[Problem]:
         if any(body.velocity or ()) and all(stage.type == "relax" for stage in scene.stages):
             message = "would never act, for there is no stage of type 'dynamics'; add one, or leave it out"
             yield Problem(("bodies", k, "velocity"), message)
+    yield from _record_problems(scene)
     for name, boundary in scene.boundaries.items():
         for axis in "xyz" if boundary.displacement else "":
             history = getattr(boundary.displacement, axis)
@@ -198,6 +216,42 @@ def _motion_problems(scene: SceneInput) -> Iterator[Problem]:
                 path = ("boundaries", name, "displacement", axis)
                 message = f"must start from 0, or points would jump by {history.values[0]:g} m at once; "
                 yield Problem(path, message + "give {times: [..], values: [0, ..]}")
+
+
+def _record_problems(scene: SceneInput) -> Iterator[Problem]:
+    """Records of acceleration that end in motion, and boundaries that absorb where nothing moves."""
+    for path, part in _parts(scene):
+        if isinstance(part, AccelerationComponents) and part.baseline == "refuse":
+            for axis, history in part.histories().items():
+                left = drift(np.array(history.times), np.array(history.values))
+                if max(left) > _DRIFT:
+                    message = (
+                        f"has a drift: its end is {left[0]:.0%} of its largest velocity and {left[1]:.0%} of its "
+                        "largest displacement; say baseline: correct to take off a line, or keep to have it so"
+                    )
+                    yield Problem((*path, axis), message)
+    for k, stage in enumerate(scene.stages):
+        for n, name in enumerate(stage.boundaries if stage.type == "relax" else ()):
+            if name in scene.boundaries and scene.boundaries[name].absorb is not None:
+                message = "absorbs waves, and has no hold in a relax stage; fix its points there"
+                yield Problem(("stages", k, "boundaries", n), message)
+
+
+def _strength_problems(scene: SceneInput) -> Iterator[Problem]:
+    """What a search for the factor of safety lacks."""
+    for k, stage in enumerate(scene.stages):
+        if stage.type != "strength_reduction":
+            continue
+        if stage.damping.viscous == 0.0:
+            message = "needs viscous damping, or nothing comes to rest; give {viscous: ..}"
+            yield Problem(("stages", k, "damping"), message)
+        if not any(scene.gravity or ()):
+            yield Problem(("stages", k, "type"), "needs gravity, which tells how fast soil falls; give 'gravity'")
+        for name, material in scene.materials.items():
+            law = registry.load(material.model)
+            if not (hasattr(law, "weakened") or getattr(law, "conservative", False)):
+                message = f"'{material.model}' does not say how its strength is reduced; stage '{stage.name}' needs it"
+                yield Problem(("materials", name, "model"), message)
 
 
 def _water_problems(scene: SceneInput) -> Iterator[Problem]:

@@ -20,7 +20,8 @@ def example_texts() -> dict[str, str]:
 def files_of(name: str) -> list[str]:
     """Names of the files that an example needs beside it."""
     text = example_texts()[name]
-    return [f.name for f in resources.files("periporo.configs").iterdir() if f.name.endswith(".asc") and f.name in text]
+    names = [file.name for file in resources.files("periporo.configs").iterdir()]
+    return [name for name in names if name.endswith((".asc", ".csv")) and name in text]
 
 
 def describe_examples() -> str:

@@ -1,9 +1,21 @@
 """What all input models share: strict numbers with bounds, names, vectors, regions and time histories."""
 
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, StringConstraints, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    Strict,
+    StringConstraints,
+    ValidationInfo,
+    model_validator,
+)
 from pydantic.config import JsonDict
+
+from periporo.io.schema.records import read_record
 
 MAX_LENGTH = 1e7  # m
 MAX_TIME = 1e10  # s
@@ -100,24 +112,58 @@ class History(SceneModel):
         return self
 
 
-def _constant_as_history(value: Any) -> Any:
+class HistoryFile(SceneModel):
+    """A history in a file: .csv with two columns, time and value, or .at2 (PEER), whose g are taken as 9.80665 m/s^2.
+
+    A scene that is written again has the numbers in its place.
+    """
+
+    file: FileName = key("file name, relative to the scene's folder")
+    scale: Real = key("factor of its values", "1", default=1.0, ge=-1e6, le=1e6)
+
+
+def _as_history(value: Any, info: ValidationInfo) -> Any:
+    """A number as a constant history, a file as the history in it."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return {"times": [0.0], "values": [value]}
-    return value
+    if not (isinstance(value, dict) and "file" in value):
+        return value
+    given = HistoryFile.model_validate(value)
+    try:
+        times, values = read_record(Path((info.context or {}).get("folder", "."), given.file))
+    except ValueError as error:
+        raise ValueError(f"{given.file}: {error}") from None
+    return {"times": times, "values": [given.scale * v for v in values]}
 
 
-Motion = Annotated[History, BeforeValidator(_constant_as_history, json_schema_input_type=float | History)]
+Motion = Annotated[
+    History, BeforeValidator(_as_history, json_schema_input_type=float | History | HistoryFile)
+]
 
 
 class MotionComponents(SceneModel):
     """A constant or a history for each component that is prescribed; the others are free."""
 
-    x: Motion | None = key("along x: a number or {times, values}", default=None)
-    y: Motion | None = key("along y: a number or {times, values}", default=None)
-    z: Motion | None = key("along z: a number or {times, values}", default=None)
+    x: Motion | None = key("along x: a number, {times, values} or {file}", default=None)
+    y: Motion | None = key("along y: a number, {times, values} or {file}", default=None)
+    z: Motion | None = key("along z: a number, {times, values} or {file}", default=None)
 
     @model_validator(mode="after")
     def _prescribes(self):
         if self.x is None and self.y is None and self.z is None:
             raise ValueError("give at least one of x, y, z")
         return self
+
+    def histories(self) -> dict[str, History]:
+        """The components that are prescribed, by their letter."""
+        return {axis: getattr(self, axis) for axis in "xyz" if getattr(self, axis) is not None}
+
+
+class AccelerationComponents(MotionComponents):
+    """Histories of acceleration, from rest; records that end in motion, or elsewhere, have a drift."""
+
+    baseline: Literal["refuse", "correct", "keep"] = key(
+        "what to do with a drift: refuse it, take off a straight line so that the motion ends at rest where it began, "
+        "or keep it",
+        default="refuse",
+    )

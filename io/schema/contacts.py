@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 
 from periporo.io.schema.base import (
     MAX_LENGTH,
+    AccelerationComponents,
     Axis,
     Flag,
     Motion,
@@ -69,6 +70,25 @@ class WaterAtFaces(SceneModel):
         return next(kind for kind in ("pressure", "head", "flux", "rain") if getattr(self, kind) is not None)
 
 
+class Absorb(SceneModel):
+    """Dashpots of the impedance of the ground beyond on the outermost layer of the selected points, in motion.
+
+    What they held when the stage began, they go on to hold: they follow a stage that fixes them, or that is in balance.
+    """
+
+    side: Literal["x-", "x+", "y-", "y+", "z-", "z+"] = key("the side of the selected points beyond which ground is")
+    velocity: MotionComponents | None = key(
+        "velocity of a wave that comes from beyond: half of what it shows at a free surface", "m/s", default=None
+    )
+    acceleration: AccelerationComponents | None = key("its acceleration, in place of velocity", "m/s^2", default=None)
+
+    @model_validator(mode="after")
+    def _comes_once(self):
+        if self.velocity is not None and self.acceleration is not None:
+            raise ValueError("give velocity or acceleration, not both")
+        return self
+
+
 class Boundary(SceneModel):
     """A boundary condition on the points that `where` selects at the start; exactly one kind."""
 
@@ -78,12 +98,16 @@ class Boundary(SceneModel):
     displacement: MotionComponents | None = key(
         "prescribed displacement; what its history did before the stage began is left out", "m", default=None
     )
+    acceleration: AccelerationComponents | None = key(
+        "prescribed acceleration from rest, such as a record", "m/s^2", default=None
+    )
     traction: Traction | None = key("a load", default=None)
     water: WaterAtFaces | None = key("water that enters or leaves", default=None)
+    absorb: Absorb | None = key("let waves out", default=None)
 
     @model_validator(mode="after")
     def _is_one_kind(self):
-        kinds = ("fix", "velocity", "displacement", "traction", "water")
+        kinds = ("fix", "velocity", "displacement", "acceleration", "traction", "water", "absorb")
         given = [kind for kind in kinds if getattr(self, kind) is not None]
         if len(given) != 1:
             found = f"found {' and '.join(given)}" if given else "found none"

@@ -17,6 +17,7 @@ from periporo.io.schema.base import (
     OpenPosition,
     Position,
     Real,
+    Region,
     SceneModel,
     Text,
     key,
@@ -39,10 +40,20 @@ def _inside_the_working_folder(name: str) -> str:
     return name
 
 
-class RelaxStage(SceneModel):
-    """Quasi-static relaxation to equilibrium."""
+class _Stage(SceneModel):
+    """What every stage has."""
 
     name: Name = key("name of the stage")
+    remove: tuple[Region, ...] = key(
+        "what is dug away when it begins: the points that lay in any of these regions at the start", default=(),
+        max_length=1000,
+    )
+    place: tuple[Name, ...] = key("bodies that come when it begins, without stress", default=(), max_length=1000)
+
+
+class RelaxStage(_Stage):
+    """Quasi-static relaxation to equilibrium."""
+
     type: Literal["relax"] = key("kind of stage")
     tolerance: Real = key(
         "out-of-balance force over load at which it ends", "1", default=1e-4, ge=1e-14, le=0.1
@@ -62,10 +73,9 @@ class ViscousDamping(SceneModel):
     viscous: Real = key("rate at which free motion decays", "1/s", default=0.0, ge=0, le=1e9)
 
 
-class DynamicsStage(SceneModel):
+class DynamicsStage(_Stage):
     """Motion in real time."""
 
-    name: Name = key("name of the stage")
     type: Literal["dynamics"] = key("kind of stage")
     duration: Real = key("duration", "s", gt=0, le=1e9)
     boundaries: tuple[Name, ...] = key("boundary conditions in force", default=())
@@ -75,7 +85,26 @@ class DynamicsStage(SceneModel):
     )
 
 
-Stage = Annotated[RelaxStage | DynamicsStage, Field(discriminator="type")]
+class StrengthReductionStage(_Stage):
+    """Trials with weaker and weaker soil that look for the factor of safety; its results show the failure.
+
+    All trials begin with the state in which the stage begins. Cohesion and tan(phi) are divided by the factor, of every
+    law that says how; laws without strength stay as they are.
+    """
+
+    type: Literal["strength_reduction"] = key("kind of stage")
+    trial: Real = key("duration of a trial", "s", gt=0, le=1e9)
+    damping: ViscousDamping = key("damping of the motion; it needs some to come to rest")
+    moving: Real = key(
+        "speed that tells failure at the end of a trial, over that of free fall, gravity over viscous damping", "1",
+        default=1e-3, gt=0, lt=1,
+    )
+    accuracy: Real = key("width of the bracket of the factor, over the factor", "1", default=0.02, gt=0, lt=1)
+    largest: Real = key("largest factor that is tried", "1", default=5.0, gt=1, le=1e3)
+    boundaries: tuple[Name, ...] = key("boundary conditions in force", default=())
+
+
+Stage = Annotated[RelaxStage | DynamicsStage | StrengthReductionStage, Field(discriminator="type")]
 
 
 SchemeName = Literal["bond_projected", "point_state", "standard", "sub_horizon", "sub_horizon_published"]
@@ -248,6 +277,10 @@ class SceneInput(SceneModel):
         """Pairs of names of the bodies between which there is a contact in any stage."""
         pairs = (c.pairs([b.name for b in self.bodies]) for c in self.contacts if c.type == "bodies")
         return {frozenset(pair) for of_entry in pairs for pair in of_entry}
+
+    def placed_bodies(self) -> set[str]:
+        """Names of the bodies that a stage places: they are not there at the start."""
+        return {name for stage in self.stages for name in stage.place}
 
     def bodies_in_contact(self) -> set[str]:
         """Names of the bodies that a bodies contact names: they bond with no other."""

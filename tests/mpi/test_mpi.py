@@ -95,6 +95,30 @@ def sled():
     }  # fmt: skip
 
 
+FIRM = {"cohesion": 2e4, "bulk_modulus": 5e6, "shear_modulus": 2e6}
+
+
+def construction():
+    """A bank is dug off and filled up again, shaken through a base that absorbs, and weakened until it falls."""
+    held = ["base", "left"]
+    return {
+        "dimension": 2, "spacing": 0.5, "gravity": [0.0, -10.0], "materials": {"sand": SAND | FIRM},
+        "bodies": [{"name": "bank", "material": "sand", "shape": {"type": "box", "lower": [0, 0], "upper": [6, 3]}},
+                   {"name": "fill", "material": "sand", "shape": {"type": "box", "lower": [4, 1], "upper": [5, 2]}}],
+        "boundaries": {"base": {"where": {"upper": [None, 0.5]}, "fix": ["x", "y"]},
+                       "left": {"where": {"upper": [0.5, None]}, "fix": ["x"]},
+                       "rock": {"where": {"upper": [None, 0.5]}, "absorb": {
+                           "side": "y-", "velocity": {"x": {"times": [0, 0.05, 0.1], "values": [0, 0.1, 0]}}}}},
+        "stages": [{"name": "dig", "type": "relax", "tolerance": 0.02, "boundaries": held,
+                    "remove": [{"lower": [4, 1]}]},
+                   {"name": "fill", "type": "relax", "tolerance": 0.02, "boundaries": held, "place": ["fill"]},
+                   {"name": "shake", "type": "dynamics", "duration": 0.3, "boundaries": ["rock", "left"]},
+                   {"name": "safety", "type": "strength_reduction", "trial": 0.5, "damping": {"viscous": 20.0},
+                    "accuracy": 0.2, "boundaries": held}],
+        "output": {"interval": 0.1},
+    }  # fmt: skip
+
+
 MOVING = [collapse, impact, two_soils]
 
 
@@ -106,7 +130,7 @@ def simulated(launch, by_folder, tmp_path_factory, scene_of):
     monitored = scene_of(counts=(30, 8), monitor={"points": [[-0.1, 0.08], [0.1, 0.0]]})
     cases = [(scene.__name__, scene(), (1, 2, 3, 4)) for scene in MOVING]
     cases += [("sled", sled(), (1, 3)), ("few", few, (1, 5)), ("monitored", monitored, (1, 3))]
-    cases += [("landslide", landslide(), (1, 3))]
+    cases += [("landslide", landslide(), (1, 3)), ("construction", construction(), (1, 3))]
     parent, files, said = tmp_path_factory.mktemp("simulated"), {}, {}
     for ranks in (1, 2, 3, 4, 5):
         for name, scene, numbers in cases:
@@ -129,11 +153,12 @@ def attributes(path):
         return dict(file["Run"].attrs)
 
 
-def test_ground_that_ranks_share_gives_the_same_bits(simulated, datasets, assert_same_bits):
+@pytest.mark.parametrize("name", ["landslide", "construction"])
+def test_ground_that_ranks_share_dig_and_shake_gives_the_same_bits(simulated, datasets, assert_same_bits, name):
     files = simulated[0]
-    one = datasets(files[1, "landslide"])
+    one = datasets(files[1, name])
     assert len(one["VTKHDF/Steps/Values"]) >= 5 and not np.isnan(one["VTKHDF/Points"]).any()
-    assert_same_bits(one, datasets(files[3, "landslide"]))
+    assert_same_bits(one, datasets(files[3, name]))
 
 
 @pytest.mark.parametrize("scene", MOVING, ids=lambda s: s.__name__)

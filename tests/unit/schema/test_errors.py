@@ -179,7 +179,7 @@ CASES = [
     (", fix: [x, y]", "", 11, "boundaries.base", "found none"),
     ("fix: [x, y]", "velocity: {}", 11, "boundaries.base.velocity", "at least one of x, y, z"),
     ("fix: [x, y]", "velocity: {z: 1}", 11, "boundaries.base.velocity.z", "no z direction"),
-    ("fix: [x, y]", "velocity: {x: fast}", 11, "boundaries.base.velocity.x", "a number or {times, values}"),
+    ("fix: [x, y]", "velocity: {x: fast}", 11, "boundaries.base.velocity.x", "a number, {times, values} or {file}"),
     ("fix: [x, y]", "velocity: {x: yes}", 11, "boundaries.base.velocity.x", "yes/no"),
     (
         "fix: [x, y]",

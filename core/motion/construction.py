@@ -1,0 +1,57 @@
+"""What is built and dug when a stage begins: points that are taken away, and points that are put in place."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from periporo.core.numerics.tensors import square_lengths
+from periporo.core.ranks.reductions import exact_sum, minimum
+from periporo.errors import ContactError, place_text
+
+_CLOSE = 0.5  # spacings that points must be apart
+
+
+@dataclass
+class Construction:
+    """At the start of a stage the points `removed` (sorted ids) are gone, with their stress, energy and work.
+
+    `arrive` gives the fields of new points that belong to this rank (see `Simulation.rebuild`); they come without
+    stress. `names` and `ids` of what arrives, for messages.
+    """
+
+    removed: np.ndarray
+    arrive: Callable[..., dict[str, np.ndarray]] | None = None
+    names: str = ""
+    ids: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
+
+    def carry_out(self, sim) -> None:
+        """Take away and put in place, and find neighbours and forces anew; collective. Raises ContactError."""
+        p = sim.particles
+        if len(self.removed):
+            sim.departures.condemned = np.union1d(sim.departures.condemned, self.removed)
+        sim.rebuild(self.arrive)
+        if self.arrive is not None:
+            self._refuse_overlaps(sim)
+            new = np.isin(p.id[: p.owned], self.ids)
+            kinetic = 0.5 * p.mass[new] * square_lengths(np.ascontiguousarray(p.velocity[: p.owned][new]))
+            sim.ledger.initial_kinetic += float(exact_sum(sim.comm, kinetic)[0])
+        dt, sim.dt = sim.dt, 0.0
+        sim.evaluate_forces()  # of the same strains: no time passes
+        sim.dt = dt
+
+    def _refuse_overlaps(self, sim):
+        """Raise ContactError, on all ranks alike, if a new point is too close to another."""
+        p, pairs = sim.particles, sim.bonds.pairs
+        x = p.position[pairs.second] - p.position[pairs.first]
+        new = np.isin(p.id[pairs.first], self.ids) | np.isin(p.id[pairs.second], self.ids)
+        length = np.sqrt(square_lengths(np.ascontiguousarray(x))) + np.where(new, 0.0, np.inf)
+        nearest = minimum(sim.comm, float(length.min(initial=np.inf)))
+        if nearest < _CLOSE * sim.spacing:
+            mine = int(length.argmin()) if len(length) else -1
+            found = (length[mine], p.position[pairs.first[mine]].tolist()) if mine >= 0 else (np.inf, [])
+            _, place = min(sim.comm.allgather(found))
+            raise ContactError(
+                f"{self.names} cannot be placed: points would be {nearest:.3g} m apart at "
+                f"({place_text(place, sim.origin, 4)}), less than half a spacing; remove what is there first"
+            )

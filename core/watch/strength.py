@@ -1,0 +1,146 @@
+"""The factor of safety: how much weaker the soil may be before it no longer stands.
+
+Cohesion and tan(phi) are divided by a factor (Zienkiewicz et al. 1975), in trials that all begin with the state in
+which the stage begins: motion under viscous damping, in which what falls freely would get to the speed g/rate. Soil
+that still moves at more than a share of that at the end of a trial has failed. The least factor at which it does is
+bracketed, and the bracket halved until it is narrow. The last trial is one that failed, so that the results show how.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from periporo.core.motion.stages import Stage
+from periporo.core.numerics.tensors import square_lengths
+from periporo.core.points.particles import Field, Particles
+from periporo.core.ranks.reductions import maximum
+from periporo.core.watch.state import State, StateError, capture, install, memory
+
+_WIDER = 1.3  # times the factor at which the soil still stands, while none is known at which it fails
+_LOOK = 100  # steps between looks at how far points have gone
+_GONE = 1.0  # spacings that a point goes in soil that has failed, if it still moves
+_REMEMBERED = ("first_step", "initial_residual", "factor", "stands", "falls", "began", "last")
+
+
+class StabilityError(RuntimeError):
+    """The soil does not stand as it is, or stands however weak it is; raised on all ranks alike."""
+
+
+@dataclass
+class StrengthReductionStage(Stage):
+    """Trials of `trial` s each with the viscous damping `rate` 1/s, until the factor is known to `accuracy` of itself.
+
+    `speed` m/s at the end of a trial tells failure; `largest` factor that is tried. `factor` is that of the present
+    trial; the soil is known to stand at `stands`, and to fall at `falls`.
+    """
+
+    trial: float = 1.0
+    speed: float = 1e-3
+    accuracy: float = 0.02
+    largest: float = 5.0
+    first_step: int = 0
+    initial_residual: float = 0.0  # of the energy ledger, J
+    factor: float = 1.0
+    stands: float = 0.0
+    falls: float = np.inf
+    began: float = 0.0  # s, the present trial
+    last: bool = False  # whether it is shown only
+    _start: State | None = field(default=None, repr=False, compare=False)
+    _laws: list = field(default_factory=list, repr=False, compare=False)
+
+    @property
+    def safety(self) -> float:
+        """The factor of safety: the middle of the bracket."""
+        return 0.5 * (self.stands + self.falls)
+
+    @staticmethod
+    def attach(p: Particles) -> None:
+        """Declare what the points keep."""
+        p.add_field(Field("weakened_from", p.dimension, "m", sent=False))
+
+    def _set_out(self, sim) -> None:
+        self._laws = [block.material for block in sim.bonds.blocks]
+
+    def _begin(self, sim) -> None:
+        self.first_step, self.began = sim.step_number, sim.time
+        self.initial_residual = sim.ledger.entries()["energy_residual"]
+        self._start = capture(sim)
+        self._weaken(sim, 1.0)
+
+    def _is_over(self, sim) -> bool:
+        failed = self._fails(sim)
+        if failed is None:
+            return False
+        if self.last:
+            return True
+        if failed:
+            self.falls = self.factor
+        else:
+            self.stands = self.factor
+        if self.stands == 0.0:
+            raise StabilityError(f"stage '{self.name}': the soil does not stand as it is, with a factor of 1")
+        following = self._next(failed)
+        if following is None:
+            return True
+        self._restart(sim, following)
+        return False
+
+    def _next(self, failed: bool) -> float | None:
+        """The factor of the next trial; None if the results show a failure and the bracket is narrow."""
+        if np.isinf(self.falls):
+            if self.stands >= self.largest:
+                raise StabilityError(
+                    f"stage '{self.name}': the soil stands with its strength divided by {self.stands:g}; raise largest "
+                    "if a law has strength that matters"
+                )
+            return min(_WIDER * self.stands, self.largest)
+        if self.falls - self.stands > self.accuracy * self.stands:
+            return self.safety
+        self.last = not failed
+        return self.falls if self.last else None
+
+    def _fails(self, sim) -> bool | None:
+        """Whether the present trial has failed; None while it is not decided. Collective."""
+        over = sim.time >= self.began + self.trial * (1.0 - 1e-12)
+        if not over and sim.step_number % _LOOK != 0:
+            return None
+        p, n = sim.particles, sim.particles.owned
+        fast = maximum(sim.comm, float(np.sqrt(square_lengths(p.velocity[:n]).max(initial=0.0)))) > self.speed
+        if over:
+            return fast
+        way = np.sqrt(square_lengths(p.position[:n] - p.weakened_from).max(initial=0.0))
+        gone = maximum(sim.comm, float(way)) > _GONE * sim.spacing
+        return True if fast and gone and not self.last else None
+
+    def _restart(self, sim, factor: float) -> None:
+        """Begin a trial from where the stage began; clocks go on."""
+        self.factor, self.began = factor, sim.time
+        assert self._start is not None  # since the stage began
+        now = memory(sim)
+        now["simulation"]["skin"] = self._start.memory["simulation"]["skin"]  # with which its neighbours were found
+        install(sim, replace(self._start, memory=now))
+        self._weaken(sim, factor)
+        sim.apply_loads(0.0)
+
+    def _weaken(self, sim, factor: float) -> None:
+        p = sim.particles
+        p.weakened_from[:] = p.position[: p.owned]
+        for block, law in zip(sim.bonds.blocks, self._laws, strict=True):
+            block.use(law.weakened(factor) if hasattr(law, "weakened") else law)
+
+    def _finish(self, sim) -> str:
+        for block, law in zip(sim.bonds.blocks, self._laws, strict=True):
+            block.use(law)
+        return f"factor of safety {self.safety:.4g}: stands at {self.stands:.4g}, falls at {self.falls:.4g}"
+
+    def memory(self) -> dict:
+        """What is kept with a state."""
+        return {name: getattr(self, name) for name in _REMEMBERED}
+
+    def recall(self, sim, memory: dict) -> None:
+        """Go on from there. Raises StateError in a run that was resumed: the state of its start is gone."""
+        if self._start is None:
+            raise StateError(f"stage '{self.name}' looks for a factor of safety, which cannot be resumed within it")
+        for name in _REMEMBERED:
+            setattr(self, name, memory[name])
+        sim.rate_independent = False

@@ -1,0 +1,63 @@
+"""The factor of safety of a block under its weight, and what the search leaves behind."""
+
+import numpy as np
+import pytest
+
+from periporo import Simulation
+from periporo.core.watch.strength import StabilityError
+from periporo.errors import InputError
+from periporo.materials.drucker_prager import DruckerPrager
+
+C = 20e3
+
+
+LAW = {"model": "drucker_prager", "density": 2000.0, "bulk_modulus": 40e6, "shear_modulus": 10e6, "friction_angle": 0.0}
+OTHER = {"model": "cam_clay", "grain_density": 2200.0, "porosity": 0.2, "bulk_modulus": 1e5, "shear_modulus": 6e4,
+         "critical_state_slope": 1.1, "compression_index": 0.05, "swelling_index": 0.01}  # fmt: skip
+
+
+def block(cohesion=C, law=None, **stage):
+    """Clay 6 points wide and high on a smooth floor: sheared through at 45 degrees when its weight is about 4 c."""
+    clay = law or LAW | {"cohesion": cohesion}
+    return Simulation.from_scene({
+        "dimension": 2, "spacing": 0.5, "gravity": [0, -10.0], "materials": {"clay": clay},
+        "bodies": [{"name": "b", "material": "clay", "shape": {"type": "box", "lower": [0, 0], "upper": [3, 3]}}],
+        "boundaries": {"base": {"where": {"upper": [None, 0.5]}, "fix": ["y"]}},
+        "stages": [{"name": "safety", "type": "strength_reduction", "trial": 1.0, "damping": {"viscous": 20.0},
+                    "boundaries": ["base"], "accuracy": 0.05, **stage}],
+    })  # fmt: skip
+
+
+def test_a_block_falls_when_its_strength_is_divided_by_the_factor():
+    """Mean vertical stress gamma H / 2 over 2 c at the limit of a block that may spread: F = 4 c / (gamma H)."""
+    sim = block()
+    sim.run()
+    (stage,) = sim.stages
+    assert 0.0 < stage.falls - stage.stands <= 0.05 * stage.stands
+    assert stage.safety == pytest.approx(4.0 * C / (2000.0 * 10.0 * 3.0), rel=0.25)
+    assert sim.bonds.blocks[0].material.cohesion == C  # as it was
+    p = sim.particles
+    moved = np.abs(p.position - p.initial_position).max()
+    assert moved > 5e-3  # thrice the elastic settlement: the last trial has failed: its results show how
+    entries = sim.ledger.entries()
+    assert abs(entries["energy_residual"] - entries["integration_term"]) < 1e-9 * abs(entries["external_work"])
+
+
+def test_soil_that_does_not_stand_or_cannot_fall_is_told():
+    with pytest.raises(StabilityError, match="does not stand as it is"):
+        block(cohesion=0.2 * C).run()
+    with pytest.raises(StabilityError, match="stands with its strength divided by 1.1"):
+        block(cohesion=10.0 * C, largest=1.1).run()
+    with pytest.raises(InputError, match="needs viscous damping"):
+        block(damping={"viscous": 0.0})
+    with pytest.raises(InputError, match="does not say how its strength is reduced"):
+        block(law=OTHER)
+
+
+def test_weaker_soil_has_less_of_both():
+    law = DruckerPrager.example().weakened(1.5)
+    strong = DruckerPrager.example()
+    assert law.cohesion == pytest.approx(strong.cohesion / 1.5)
+    for name in ("friction_angle", "dilation_angle"):
+        ratio = np.tan(np.radians(getattr(strong, name))) / np.tan(np.radians(getattr(law, name)))
+        assert ratio == pytest.approx(1.5)
