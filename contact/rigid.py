@@ -162,7 +162,8 @@ class RigidContact:
         near = ~(gap >= _SOON * self.reach + self.skin)  # NaN is near
         rows = np.flatnonzero(near | getattr(p, self.spring).any(axis=1) | getattr(p, self.cell).any(axis=1))
         self._chosen = p.id, shift, rows
-        lost = rows[~(gap[rows] >= -_LOST * self.reach)]
+        known = np.isfinite(p.reference_position[rows]).all(axis=1)  # the watchdog tells of the others
+        lost = rows[known & ~(gap[rows] >= -_LOST * self.reach)]
         if len(lost):
             deepest = lost[np.argmin(np.nan_to_num(gap[lost], nan=-np.inf))]
             self.breach = -float(gap[deepest]), p.reference_position[deepest]

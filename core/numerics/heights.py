@@ -14,7 +14,7 @@ from periporo.core.numerics.jit import inlined, kernel
 def height_at(level: np.ndarray, corner: np.ndarray, cell: np.ndarray, place: np.ndarray) -> np.ndarray:
     """Height (n,) m of the surface at each `place` (n, 2|3) m; NaN where it has none."""
     found, normal = np.empty(len(place)), np.empty((len(place), 3))
-    _heights(level, corner, cell, np.ascontiguousarray(place), found, normal)
+    _find_heights(level, corner, cell, np.ascontiguousarray(place), found, normal)
     return found
 
 
@@ -24,7 +24,7 @@ def _at(level, i, j):
     return level[min(max(j, 0), level.shape[0] - 1), min(max(i, 0), level.shape[1] - 1)]
 
 
-@kernel
+@inlined
 def _heights(level, corner, cell, place, found, normal):
     for n in range(place.shape[0]):
         u, v = (place[n, 0] - corner[0]) / cell[0], (place[n, 1] - corner[1]) / cell[1]
@@ -41,6 +41,11 @@ def _heights(level, corner, cell, place, found, normal):
         nx, ny = -along / cell[0], -across / cell[1]
         length = np.sqrt(nx * nx + ny * ny + 1.0)
         normal[n, 0], normal[n, 1], normal[n, 2] = nx / length, ny / length, 1.0 / length
+
+
+@kernel
+def _find_heights(level, corner, cell, place, found, normal):
+    _heights(level, corner, cell, place, found, normal)
 
 
 @kernel

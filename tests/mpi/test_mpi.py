@@ -165,7 +165,7 @@ def test_ground_that_ranks_share_dig_and_shake_gives_the_same_bits(simulated, da
 def test_results_have_the_same_bits_on_one_to_four_ranks(simulated, datasets, assert_same_bits, scene):
     files, name = simulated[0], scene.__name__
     one, alone = datasets(files[1, name]), attributes(files[1, name])
-    assert alone["rebuilds"] > 30 and alone["migrated_points"] == alone["messages"] == 0
+    assert alone["rebuilds"] > 20 and alone["migrated_points"] == alone["messages"] == 0
     assert len(one["VTKHDF/Steps/Values"]) >= 5
     assert not np.isnan(one["VTKHDF/Points"]).any()
     for ranks in (2, 3, 4):

@@ -11,7 +11,7 @@ def test_a_random_column_falls_without_harm(number):
     draw = robustness.draw(number)
     outcome = robustness.run(draw, spacing=0.01, duration=0.1)
     assert outcome.sound, outcome
-    assert outcome.speed > 0.05, "nothing fell"
+    assert outcome.speed > 1e-3, "nothing moved"
     highest = draw.height + 0.01 * draw.jitter + 0.001  # nothing rose by more than a tenth of a spacing
     assert outcome.height_left < highest / robustness.HALF_WIDTH
 

@@ -337,7 +337,7 @@ def test_links_start_at_zero_and_last_through_rebuilds_and_checkpoints(make, tmp
     forces(sim)
     newborn = links.active & [key not in before for key in map(tuple, sim.bonds.pairs.ids.tolist())]
     assert newborn.any() and (links.stress[newborn] == 0.0).all()
-    sim.stages = [type("Stage", (), {"memory": dict, "contacts": []})()]
+    sim.stages = [type("Stage", (), {"memory": dict, "contacts": [], "loads": []})()]
     now = sim.step_number, state.memory(sim), state.tables(sim)
     path = checkpoint.write(sim.comm, tmp_path / "run.h5", *now, "{}", keep=1)
     _, kept = state.State.of_tables(*checkpoint.read(path, MPI.COMM_SELF, "{}")).rows

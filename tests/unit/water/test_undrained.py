@@ -23,6 +23,9 @@ class Affine:
         if not closing_step:
             p.velocity[:] = p.position @ self.gradient.T
 
+    def foresee(self, p, time, dt, velocity):
+        velocity[:] = p.position[: p.owned] @ self.gradient.T
+
     def hold_zero(self, p, free):
         free[:] = 0.0
 
