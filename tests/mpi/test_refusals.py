@@ -47,5 +47,5 @@ def test_each_shipped_scene_was_damaged_in_its_share_of_the_ways(answers):
     counts = Counter(what.split(":")[0] for what, *_ in answers[0])
     shipped = [path.stem for path in Path(resources.files("periporo.configs")).glob("*.yaml")]
     assert sorted(counts) == sorted(shipped)
-    assert sum(counts.values()) > 400 and min(counts.values()) > 0.8 * max(counts.values())
+    assert sum(counts.values()) > 400 and min(counts.values()) > 0.7 * max(counts.values())
     assert len({what for what, *_ in answers[0]}) > 0.9 * len(answers[0])
