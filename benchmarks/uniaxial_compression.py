@@ -42,7 +42,7 @@ SHARPENED, PUBLISHED = "point_state, sharpened", "sub_horizon_published"
 STABLE = ("bond_projected", "point_state", SHARPENED, "sub_horizon")
 TIMES_LOWER = 20.0  # than in `standard`, that is what the oscillations of a stable scheme must be
 GROWTH = 1e5  # of the largest kinetic energy that there can be: a run without a watchdog ends there
-QUICK, SMALL = (60, 18), (40, 12)
+QUICK = (60, 18)
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ def all_cases() -> list[Case]:
 def quick_cases() -> list[Case]:
     """Small blocks by every scheme."""
     chosen = (c for c in all_cases() if c.horizon == 2.1 and c.counts == (200, 60))
-    return [replace(c, counts=SMALL) for c in chosen]
+    return [replace(c, counts=QUICK) for c in chosen]
 
 
 def has_ended(folder: Path) -> bool:

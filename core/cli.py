@@ -44,7 +44,7 @@ def main(argv: list[str] | None = None) -> int:
             print(f"periporo: {mistake}", file=sys.stderr)
             return INPUT_ERROR
         argv = ["run", *argv]
-    arguments = _parser().parse_args(argv)
+    arguments = _parser(argv[0] if argv else "").parse_args(argv)
     if arguments.word in ("run", "check"):
         return _simulate(arguments)
     return _use_tool(arguments)
@@ -60,7 +60,8 @@ def _mistake(word: str, words) -> str | None:
     return None
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(chosen: str) -> argparse.ArgumentParser:
+    """What reads the command line; of the tools only the chosen one is loaded, for they hold kernels."""
     parser = argparse.ArgumentParser(
         prog="periporo", description="Extreme deformation of soils by updated-Lagrangian periporomechanics."
     )
@@ -78,7 +79,8 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument("config", help="YAML file of the scene")
     for word, (module, text) in TOOLS.items():
         tool = words.add_parser(word, help=text)
-        importlib.import_module(module).add_arguments(tool)
+        if word == chosen:
+            importlib.import_module(module).add_arguments(tool)
         tool.set_defaults(module=module)
     return parser
 

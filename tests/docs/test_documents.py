@@ -227,7 +227,7 @@ def parse_own(words):
         return
     words = words if words[0] in (*cli.TOOLS, "run", "check") else ["run", *words]
     try:
-        cli._parser().parse_args([w for w in words if w != ">" and not w.endswith(".json")])
+        cli._parser(words[0]).parse_args([w for w in words if w != ">" and not w.endswith(".json")])
     except SystemExit as stop:
         raise AssertionError(f"periporo does not take: {' '.join(words)}") from stop
 

@@ -48,8 +48,8 @@ def impact():
         "bodies": [{"name": "cube", "material": "sand", "velocity": [3.0, 1.0, -3.0],
                     "shape": {"type": "box", "lower": [-0.06, -0.06, 0.02], "upper": [0.06, 0.06, 0.14]}}],
         "contacts": [{"type": "plane", "point": [0, 0, 0], "normal": [0.1, 0, 1], "friction": 0.3}],
-        "stages": [{"name": "hit", "type": "dynamics", "duration": 0.05}],
-        "output": {"interval": 0.01},
+        "stages": [{"name": "hit", "type": "dynamics", "duration": 0.03}],
+        "output": {"interval": 0.006},
     }  # fmt: skip
 
 
@@ -62,8 +62,8 @@ def two_soils():
                     "layers": [{"above": 0.06, "material": "clay"}],
                     "shape": {"type": "box", "lower": [0.0, 0.0], "upper": [0.12, 0.1]}}],
         "contacts": [{"type": "plane", "point": [0, 0], "normal": [0.1, 1], "friction": 0.5}],
-        "stages": [{"name": "slide", "type": "dynamics", "duration": 0.12}],
-        "output": {"interval": 0.03},
+        "stages": [{"name": "slide", "type": "dynamics", "duration": 0.06}],
+        "output": {"interval": 0.015},
     }  # fmt: skip
 
 
