@@ -18,7 +18,7 @@ from periporo.materials.arena.surface import holds, is_clear, share_of_limit, we
 
 _GAMMA = 1.0 - math.sqrt(0.5)  # stage length that makes the two stages second order and L-stable
 _EXTRAPOLATION = (1.0 - 2.0 * _GAMMA) / _GAMMA  # from the end of stage one to where stage two starts
-_PREDICTOR_SHARE = 0.03  # the first return's remaining error is about the square of its tolerance
+_PREDICTOR_SHARE = 0.003  # the first return's remaining error is about the square of its tolerance
 _STAGE_TOLERANCE = 1e-6
 _ON_SURFACE = 1e-7
 _MODULUS_CHANGE = 0.2  # largest relative change of K in a substep

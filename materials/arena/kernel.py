@@ -37,6 +37,8 @@ from periporo.materials.arena.state import (
 from periporo.materials.arena.surface import holds, shear_limit
 from periporo.materials.arena.tensor_rows import basis, combine, plus, product, shares, split, store
 
+_OFFERED = 6.0  # twice the largest dilation over y.opening and the slope, for a shear strain of 1
+
 
 @inlined
 def _elastic_step(m, c, y, control, state, tr, ss, se, ee):
@@ -168,7 +170,7 @@ def _start(c, m, y_all, strength, columns, stress, increment, state, b, componen
     opened = state[b, OPENED]
     if opened > 0.0:
         filled = max(y.peak - i1 - 3.0 * p, 0.0) / (m.b0 * m.grain * m.density_factor)
-        filled = min(filled - 2.83 * y.opening * shear_limit(y, y.peak)[1] * math.sqrt(ee), opened)
+        filled = min(filled - _OFFERED * y.opening * shear_limit(y, y.peak)[1] * math.sqrt(ee), opened)
         tr += filled
         opened -= filled
     return tr, e, s, product(s, s), product(s, e), ee, row, y, factors, growth, opened
