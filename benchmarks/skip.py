@@ -33,6 +33,10 @@ FEATURES = {  # name -> (change of the input, the part of the step where it is a
     "wall out of reach": ({"contacts": [FAR]}, "contact"),
     "fixed boundary": ({"boundaries": HELD}, "integration"),
     "pore water": ({"pore_water": {"suction": 500.0, "retention": {"set": "fitted"}}}, "point processes"),
+    "water that flows": (
+        {"pore_water": {"suction": 0, "drainage": "flowing", "conductivity": 1e-9}},
+        "point processes",
+    ),
     "viscous soil": ({"materials": {"soil": SOIL | {"viscosity": 1e9}}}, "material"),
     "dissipation in the ledger": ({"materials": {"soil": SOIL | {"report_dissipation": True}}}, "point processes"),
     "viscous damping": ({"stages": [{"damping": {"viscous": 1.0}}]}, "loads"),

@@ -51,8 +51,13 @@ def column(scheme="bond_projected", **keys):
 
 
 def wet_column():
-    """The same of wet clay."""
-    return column(pore_water={"suction": 2e4, "retention": {"set": "fitted"}})
+    """The same of wet clay, whose water flows, while it rains on the column."""
+    water = {"suction": 2e3, "retention": {"set": "fitted"}, "drainage": "flowing", "conductivity": 1e-3,
+             "bulk_modulus": 1e6}  # fmt: skip
+    scene = column({"scheme": "point_state", "sharpened": True, "regular": True}, pore_water=water)
+    scene["boundaries"]["sky"] = {"where": {"lower": [None, 0.13]}, "water": {"rain": 5e-3}}
+    scene["stages"][1]["boundaries"] = ["sky"]
+    return scene
 
 
 def stacked_cubes():

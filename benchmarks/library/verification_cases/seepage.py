@@ -18,11 +18,12 @@ def terzaghi(time, depth=1.0):
     return decay @ (2.0 / m * np.sin(m * depth)), 1.0 - decay @ (2.0 / m**2)
 
 
-def _column(rows, scheme, stiffness, crossings, **keys):
+def _column(rows, scheme, stiffness, crossings, damping, **keys):
     """A layer of thickness 2 between drains whose water carries what the skeleton did not take of a load at once.
 
     The water is `stiffness` times as stiff as the skeleton; T = 1 comes after `crossings` of a drained wave through the
-    half of it. Returns the simulation, the time of T = 1, s, and the pressure at the start, Pa.
+    half of it; in such a crossing waves decay by exp(-`damping`/2). Returns the simulation, the time of T = 1, s, and
+    the pressure at the start, Pa.
     """
     spacing, load = 1.0 / rows, 1e3
     last = crossings / P_SPEED
@@ -37,7 +38,7 @@ def _column(rows, scheme, stiffness, crossings, **keys):
         pressed = load if side == "y-" else -load
         boundaries[f"load {name}"] = {"where": where, "traction": {"stress": [0.0, pressed], "side": side}}
         boundaries[f"drain {name}"] = {"where": where, "water": {"pressure": 0, "side": side}}
-    stage = {"name": "wait", "type": "dynamics", "duration": last, "damping": {"viscous": 0.3 * P_SPEED},
+    stage = {"name": "wait", "type": "dynamics", "duration": last, "damping": {"viscous": damping * P_SPEED},
              "boundaries": list(boundaries)}  # fmt: skip
     sim = simulation(
         spacing, box([0.0, -1.0], [4 * spacing, 1.0]), scheme=scheme, pore_water=water, boundaries=boundaries,
@@ -55,7 +56,8 @@ def _column(rows, scheme, stiffness, crossings, **keys):
 def consolidation(full=False, scheme=DEFAULT):
     """W1: a layer that drains at its faces, against Terzaghi's series; the load is carried by the water at first."""
     rows = 20 if full else 10  # from a drain to the middle
-    sim, last, carried = _column(rows, scheme, stiffness=10.0, crossings=100.0 if full else 40.0)
+    crossings, damping = (200.0, 0.8) if full else (40.0, 0.3)
+    sim, last, carried = _column(rows, scheme, stiffness=10.0, crossings=crossings, damping=damping)
     sim.start()
 
     def look(s):
