@@ -20,7 +20,7 @@ from periporo.core.points.material import Material
 from periporo.core.points.particles import Particles
 from periporo.core.ranks.domain import Domain, bisect
 from periporo.core.ranks.halo import Halo
-from periporo.core.ranks.reductions import exact_sum, maxima, maximum
+from periporo.core.ranks.reductions import any_rank, exact_sum, maxima, maximum
 from periporo.core.watch.observers import Callback
 from periporo.core.watch.timing import Timing
 from periporo.errors import ContactError, place_text
@@ -170,15 +170,16 @@ class Simulation:
     def _refuse_breaches(self) -> None:
         """Raise ContactError, on all ranks alike, if a point has passed through an obstacle."""
         found = [(*c.breach, c.name) for c in self.contacts if getattr(c, "breach", None) is not None]
+        if not any_rank(self.comm, bool(found)):
+            return
         breaches = [b for of_rank in self.comm.allgather(found) for b in of_rank]
-        if breaches:
-            depth, place, name = max(breaches, key=lambda b: (np.isnan(b[0]), b[0], tuple(b[1])))
-            how = "came over a hole" if np.isnan(depth) else f"got {depth:.3g} m behind its surface"
-            at = place_text(place, self.origin, 4)
-            raise ContactError(
-                f"contacts[{name}]: a point passed the obstacle, at ({at}) it {how}; give the contact more stiffness, "
-                "or the scene a domain that points leave before"
-            )
+        depth, place, name = max(breaches, key=lambda b: (np.isnan(b[0]), b[0], tuple(b[1])))
+        how = "came over a hole" if np.isnan(depth) else f"got {depth:.3g} m behind its surface"
+        at = place_text(place, self.origin, 4)
+        raise ContactError(
+            f"contacts[{name}]: a point passed the obstacle, at ({at}) it {how}; give the contact more stiffness, "
+            "or the scene a domain that points leave before"
+        )
 
     def _departing(self, departures: Departures) -> np.ndarray:
         """Which owned points (owned,) leave now; their energy is booked."""
@@ -230,11 +231,12 @@ class Simulation:
     def confirm(self) -> None:
         """Raise RefusedStep, on all ranks alike, if a law refused the last step; collective."""
         refusals, self._refusals = self._refusals, []
+        if not any_rank(self.comm, bool(refusals)):
+            return
         texts = self.comm.allgather([f"{r.law}: {r.reason}" for r in refusals])
         reasons = list(dict.fromkeys(text for of_rank in texts for text in of_rank))
-        if reasons:
-            points = np.unique(np.concatenate([np.empty(0, np.int64), *(r.points for r in refusals)]))
-            raise RefusedStep(f"step {self.step_number}: refused by {'; '.join(reasons)}", reasons[0], points)
+        points = np.unique(np.concatenate([np.empty(0, np.int64), *(r.points for r in refusals)]))
+        raise RefusedStep(f"step {self.step_number}: refused by {'; '.join(reasons)}", reasons[0], points)
 
     def evaluate_forces(self) -> None:
         """Strain, stress and forces of the present configuration, reached in `dt` with the present velocity."""

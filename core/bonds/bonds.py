@@ -12,7 +12,7 @@ from periporo.core.points.departures import GONE
 from periporo.core.points.material import Material
 from periporo.core.points.neighbours import Pairs
 from periporo.core.points.particles import Field, Particles
-from periporo.core.ranks.halo import exchange_rows
+from periporo.core.ranks.halving import exchange_rows
 
 
 @dataclass(frozen=True)

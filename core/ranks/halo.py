@@ -10,25 +10,8 @@ from mpi4py import MPI
 
 from periporo.core.points.departures import GONE
 from periporo.core.points.particles import Particles
-from periporo.core.ranks.domain import Domain
-
-
-def exchange_rows(comm: MPI.Comm, outgoing: dict[int, np.ndarray], width: int) -> np.ndarray:
-    """Send float64 rows (n, width) to other ranks; the rows received, in the order of their ranks.
-
-    Collective. `outgoing` maps a rank to its rows; ranks without rows may be missing.
-    """
-    counts = np.zeros(comm.size, np.int64)
-    for rank, rows in outgoing.items():
-        counts[rank] = len(rows)
-    arriving = np.empty_like(counts)
-    comm.Alltoall(counts, arriving)
-    received = [np.empty((n, width)) for n in arriving]
-    requests = [comm.Irecv(received[r], r) for r in np.flatnonzero(arriving).tolist()]
-    sent = [np.ascontiguousarray(rows) for rows in outgoing.values()]
-    requests += [comm.Isend(rows, r) for r, rows in zip(outgoing, sent, strict=True) if len(rows)]
-    MPI.Request.Waitall(requests)
-    return np.concatenate(received)
+from periporo.core.ranks.domain import Domain, distance
+from periporo.core.ranks.halving import exchange_rows
 
 
 def pack(arrays: list[np.ndarray]) -> np.ndarray:
@@ -81,25 +64,30 @@ class Halo:
     def rebuild(self, particles: Particles, domain: Domain, owned: dict[str, np.ndarray], reach: float) -> None:
         """Install the `owned` fields and find every ghost within `reach` m of this rank's box."""
         self.close()
-        comm = self.comm
-        self.sends, counts = {}, np.zeros(comm.size, np.int64)
-        if comm.size > 1:
-            for rank in domain.near(comm.rank, reach):
-                rows = np.flatnonzero(domain.distance(rank, owned["position"]) < reach)
-                if len(rows):
-                    self.sends[rank], counts[rank] = rows, len(rows)
-        arriving = np.zeros_like(counts)
-        comm.Alltoall(counts, arriving)
-        particles.replace(owned, int(arriving.sum()))
+        near = domain.near(reach)
+        rows_near = {rank: np.flatnonzero(distance(box, owned["position"]) < reach) for rank, box in near.items()}
+        self.sends = {rank: rows for rank, rows in rows_near.items() if len(rows)}
+        arriving = self._counts({rank: len(rows) for rank, rows in rows_near.items()})
+        particles.replace(owned, sum(arriving.values()))
         self.receives, start = {}, particles.owned
-        for rank in np.flatnonzero(arriving).tolist():
-            self.receives[rank] = slice(start, start + int(arriving[rank]))
-            start += int(arriving[rank])
+        for rank, count in arriving.items():
+            if count:
+                self.receives[rank] = slice(start, start + count)
+                start += count
         self.boundary_rows = (
             np.unique(np.concatenate(list(self.sends.values()))) if self.sends else np.empty(0, np.int64)
         )
         names = [f.name for f in particles.fields.values() if f.migrates and f.sent]
         self.update(particles, *names)
+
+    def _counts(self, outgoing: dict[int, int]) -> dict[int, int]:
+        """How many points each of some ranks will send, of ranks that all know how many they will be sent."""
+        received = {rank: np.empty(1, np.int64) for rank in outgoing}
+        sent = [np.array([count]) for count in outgoing.values()]
+        requests = [self.comm.Irecv(count, rank) for rank, count in received.items()]
+        requests += [self.comm.Isend(count, rank) for rank, count in zip(outgoing, sent, strict=True)]
+        MPI.Request.Waitall(requests)
+        return {rank: int(count[0]) for rank, count in received.items()}
 
     def update(self, particles: Particles, *names: str) -> None:
         """Refresh the ghosts' rows of the named fields: one message to each neighbour."""

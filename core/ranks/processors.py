@@ -14,9 +14,9 @@ def agree(comm: MPI.Comm, wants_common: Callable[[], bool]) -> None:
     `wants_common` is asked on rank 0 whether that is wanted. Raises InputError, on all ranks alike, if not, or if it is
     too late for it.
     """
-    processors = comm.allgather(jit.processor())
-    if len(set(processors)) == 1:
+    if not comm.allreduce(comm.bcast(jit.processor()) != jit.processor(), MPI.LOR):
         return
+    processors = comm.allgather(jit.processor())
     other = next(r for r, processor in enumerate(processors) if processor != processors[0])
     names = f"rank 0 for {processors[0][0]}, rank {other} for {processors[other][0]}"
     if processors[0][0] == processors[other][0]:

@@ -39,7 +39,7 @@ def build_constructions(scene, sim, lattices, maker) -> None:
         new = np.concatenate([np.empty(0, np.int64), *(_ids(lattices[number]) for number in placed)])
         present = np.sort(np.concatenate([present, new]))
         if stage.remove or stage.place:
-            arrive = _arrival(maker, sim.comm.rank, placed) if placed else None
+            arrive = _arrival(maker, placed) if placed else None
             sim.stages[k].construction = Construction(removed, arrive, ", ".join(stage.place), new)
     if problems:
         raise InputError("scene", problems)
@@ -47,8 +47,8 @@ def build_constructions(scene, sim, lattices, maker) -> None:
         sim.departures = Departures(np.full(scene.dimension, -np.inf), np.full(scene.dimension, np.inf))
 
 
-def _arrival(maker, rank, bodies):
-    return lambda domain: maker.owned_by(rank, domain, bodies)
+def _arrival(maker, bodies):
+    return lambda domain: maker.owned_by(domain, bodies)
 
 
 def _ids(lattice) -> np.ndarray:

@@ -31,14 +31,14 @@ class PointMaker:
             pieces += [self._piece(number, k, min(k + CHUNK, end)) for k in range(begin, end, CHUNK)]
         return self._completed(pieces)
 
-    def owned_by(self, rank: int, domain, bodies) -> dict[str, np.ndarray]:
-        """Those points of the `bodies` whose places belong to a rank."""
+    def owned_by(self, domain, bodies) -> dict[str, np.ndarray]:
+        """Those points of the `bodies` whose places belong to this rank."""
         pieces = []
         for number in bodies:
             size = self._lattices[number].size
             for start in range(0, size, CHUNK):
                 piece = self._piece(number, start, min(start + CHUNK, size))
-                mine = domain.owner(piece["position"]) == rank
+                mine = domain.owns(piece["position"])
                 pieces.append({name: array[mine] for name, array in piece.items()})
         return self._completed(pieces)
 

@@ -13,7 +13,8 @@ from periporo.core.bonds.blocks import Carried
 from periporo.core.motion.energy import Ledger
 from periporo.core.ranks import domain as decomposition
 from periporo.core.ranks.domain import Domain
-from periporo.core.ranks.halo import exchange_rows, pack
+from periporo.core.ranks.halo import pack
+from periporo.core.ranks.halving import exchange_rows
 
 
 class StateError(Exception):

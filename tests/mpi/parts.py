@@ -3,6 +3,7 @@
 Run as: mpirun -n N python parts.py
 """
 
+import dataclasses
 import math
 import traceback
 
@@ -11,8 +12,9 @@ from mpi4py import MPI
 
 from periporo import Simulation
 from periporo.core.points.particles import Particles
-from periporo.core.ranks.domain import bisect
-from periporo.core.ranks.halo import Halo, exchange_rows
+from periporo.core.ranks.domain import bisect, distance
+from periporo.core.ranks.halo import Halo
+from periporo.core.ranks.halving import combine, exchange_rows, levels
 from periporo.core.ranks.reductions import any_rank, exact_sum, maximum, minimum, quantile
 
 COMM = MPI.COMM_WORLD
@@ -60,17 +62,23 @@ def check_bisection_gives_equal_weights():
         owner = domain.owner(position)
         loads = np.bincount(owner, weights=weight, minlength=RANKS)
         assert abs(loads - weight.sum() / RANKS).max() < 2.0 * RANKS  # a point or two at each cut
-        for rank in range(RANKS):
-            assert (domain.distance(rank, position[owner == rank]) == 0.0).all()
-        again = bisect(COMM, mine(position, 1), mine(weight, 1))
-        assert (np.nan_to_num(again.lower) == np.nan_to_num(domain.lower)).all() or RANKS > 1
+        assert (domain.owns(position) == (owner == RANK)).all()
+        assert (distance(domain.box, position[owner == RANK]) == 0.0).all()
+        assert bisect(COMM, mine(position, 1), mine(weight, 1)).cuts == domain.cuts
+        for reach in (0.1, 3.0, 0.5):  # what was asked for last does not matter
+            boxes = COMM.allgather(domain.box)
+            gaps = [np.maximum(np.maximum(b[0] - domain.box[1], domain.box[0] - b[1]), 0.0) for b in boxes]
+            close = [r for r, gap in enumerate(gaps) if (gap**2).sum() < reach**2 and r != RANK]
+            near = domain.near(reach)
+            assert list(near) == close and all((near[r] == boxes[r]).all() for r in close)
+            assert (domain.owner(position) == owner).all()  # known without asking
 
 
 def check_cuts_lie_between_rows_of_points():
     x, y = np.meshgrid(np.arange(24.0), np.arange(15.0))
     grid = np.stack([x.ravel(), y.ravel()], axis=1)
     domain = bisect(COMM, mine(grid), np.ones(len(mine(grid))))
-    assert all(abs(cut % 1.0 - 0.5) < 1e-9 for _, _, cut, _ in domain.cuts)
+    assert all(abs(cut % 1.0 - 0.5) < 1e-9 for _, cut in domain.cuts)
     counts = np.bincount(domain.owner(grid), minlength=RANKS)
     assert counts.sum() == len(grid) and counts.max() <= len(grid) / RANKS + 15
 
@@ -78,7 +86,7 @@ def check_cuts_lie_between_rows_of_points():
 def check_bisection_with_fewer_points_than_ranks():
     position = np.zeros((1 if RANK == 0 else 0, 2))
     owner = bisect(COMM, position, np.ones(len(position))).owner(np.zeros((1, 2)))
-    assert 0 <= owner[0] < RANKS
+    assert len(set(COMM.allgather(owner[0]))) == 1 and 0 <= owner[0] < RANKS
 
 
 def check_rows_arrive_in_the_order_of_their_ranks():
@@ -86,6 +94,21 @@ def check_rows_arrive_in_the_order_of_their_ranks():
     rows = exchange_rows(COMM, outgoing, 2)
     expected = [100.0 * r + RANK for r in range(RANKS) if r != RANK for _ in range(r + 1)]
     assert rows[:, 0].tolist() == rows[:, 1].tolist() == expected
+
+
+def check_groups_of_ranks_add_up_and_talk_in_turn():
+    for level in levels(COMM):
+        group = range(level.first, level.last)
+        assert RANK in group and RANK in levels_of(level.partner, level).sources
+        total = combine(COMM, level, np.array([RANK, 1.0]), np.add)
+        assert total.tolist() == [sum(group), len(group)]
+        assert combine(COMM, level, np.array([3.0 - RANK]), np.maximum)[0] == 3.0 - level.first
+    assert len(levels(COMM)) <= math.ceil(math.log2(RANKS)) if RANKS > 1 else not levels(COMM)
+
+
+def levels_of(rank, level):
+    """A level as another rank of the group sees it."""
+    return dataclasses.replace(level, rank=rank)
 
 
 def cloud():
@@ -119,7 +142,7 @@ def check_migration_and_ghosts(reach=0.3):
         if field.migrates:
             count = total if field.sent else n
             assert (array[:count] == everything[name][rows[:count]]).all()
-    near = domain.distance(RANK, everything["position"]) < reach
+    near = distance(domain.box, everything["position"]) < reach
     assert set(everything["id"][near].tolist()) == set(particles.id.tolist())
     assert set(halo.boundary_rows.tolist()) == set(np.concatenate([*halo.sends.values(), []]).astype(int).tolist())
     check_update(halo, particles, everything, rows)

@@ -1,51 +1,33 @@
 """Division of space on one rank, and the geometry of boxes; tests/mpi divides on several."""
 
 import numpy as np
+import pytest
 from mpi4py import MPI
 
-from periporo.core.ranks.domain import Domain, bisect
+from periporo.core.ranks.domain import bisect, distance
+from periporo.core.ranks.halving import Level
 
-# two boxes left of x = 1, cut at y = 0.5, and one to the right
-CUTS = ((0, 0, 1.0, 2), (0, 1, 0.5, 1))
-LOWER = np.array([[-np.inf, -np.inf], [-np.inf, 0.5], [1.0, -np.inf]])
-UPPER = np.array([[1.0, 0.5], [1.0, np.inf], [np.inf, np.inf]])
-DOMAIN = Domain(LOWER, UPPER, CUTS)
+BOX = np.array([[-np.inf, -np.inf], [1.0, 0.5]])
 
 
 def test_one_rank_owns_everything():
     domain = bisect(MPI.COMM_SELF, np.random.default_rng(0).normal(size=(20, 3)), np.ones(20))
-    assert domain.cuts == () and np.isinf(domain.lower).all() and np.isinf(domain.upper).all()
-    assert not domain.owner(np.array([[1e9, 0.0, -1e9]])).any()
-    assert domain.near(0, 1.0) == []
-
-
-def test_owner_follows_the_cuts_and_a_point_on_a_cut_is_above_it():
-    position = np.array([[0.0, 0.0], [0.0, 0.9], [2.0, 0.9], [1.0, 0.0], [0.0, 0.5]])
-    assert DOMAIN.owner(position).tolist() == [0, 1, 2, 2, 1]
-
-
-def test_owner_agrees_with_the_boxes():
-    position = np.random.default_rng(0).uniform(-1, 3, (500, 2))
-    owner = DOMAIN.owner(position)
-    for rank in range(3):
-        inside = ((position >= LOWER[rank]) & (position < UPPER[rank])).all(axis=1)
-        assert (inside == (owner == rank)).all()
-        assert ((DOMAIN.distance(rank, position) == 0.0) >= inside).all()
+    assert domain.cuts == [] and np.isinf(domain.box).all()
+    anywhere = np.array([[1e9, 0.0, -1e9], [np.nan, 0.0, np.inf]])
+    assert domain.owns(anywhere).all() and not domain.owner(anywhere).any()
+    assert domain.near(1.0) == {}
 
 
 def test_distance_to_faces_and_corners():
     position = np.array([[0.5, 0.0], [2.0, 0.0], [0.0, 0.8], [1.3, 0.9]])
-    assert np.allclose(DOMAIN.distance(0, position), [0.0, 1.0, 0.3, 0.5], rtol=1e-14)
+    assert np.allclose(distance(BOX, position), [0.0, 1.0, 0.3, 0.5], rtol=1e-14)
 
 
-def test_nan_is_owned_by_some_rank():
-    assert DOMAIN.owner(np.array([[np.nan, np.nan]]))[0] in (0, 1, 2)
-
-
-def test_near_counts_boxes_within_reach():
-    lower = np.array([[-np.inf, -np.inf], [1.0, -np.inf], [2.0, -np.inf]])
-    upper = np.array([[1.0, np.inf], [2.0, np.inf], [np.inf, np.inf]])
-    strips = Domain(lower, upper, ())
-    assert strips.near(0, 0.5) == [1]
-    assert strips.near(0, 1.5) == [1, 2]
-    assert strips.near(1, 0.1) == [0, 2]
+@pytest.mark.parametrize(("first", "last"), [(0, 2), (3, 6), (0, 7), (5, 13)])
+def test_every_rank_of_a_group_is_sent_to_by_one_partner_or_two(first, last):
+    """And what is sent is received: a rank is among the sources of its partner, and of nobody else."""
+    group = [Level(rank, first, first + (last - first) // 2, last) for rank in range(first, last)]
+    for level in group:
+        assert (level.partner >= level.middle) != level.upper
+        receivers = [other.rank for other in group if level.rank in other.sources]
+        assert receivers == [level.partner] and len(level.sources) <= 2

@@ -5,7 +5,8 @@ from mpi4py import MPI
 
 from periporo.core.points.particles import Particles
 from periporo.core.ranks.domain import bisect
-from periporo.core.ranks.halo import Halo, exchange_rows, pack
+from periporo.core.ranks.halo import Halo, pack
+from periporo.core.ranks.halving import exchange_rows
 
 
 def test_pack_keeps_every_bit_of_integers_and_numbers():
