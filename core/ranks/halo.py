@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from periporo.core.points.departures import GONE
-from periporo.core.points.particles import Particles
+from periporo.core.points.particles import Particles, awake_first
 from periporo.core.ranks.domain import Domain
 
 
@@ -81,7 +81,7 @@ class Halo:
     def rebuild(self, particles: Particles, domain: Domain, owned: dict[str, np.ndarray], reach: float) -> None:
         """Install the `owned` fields and find every ghost within `reach` m of this rank's box."""
         self.close()
-        comm = self.comm
+        comm, owned = self.comm, awake_first(owned)
         self.sends, counts = {}, np.zeros(comm.size, np.int64)
         if comm.size > 1:
             for rank in domain.near(comm.rank, reach):
