@@ -142,6 +142,10 @@ class RigidContact:
         gaps = (self.surface.gap(x - self._shift(p, t))[0] for t in np.linspace(time, until, _LOOKS))
         return any(gap.min(initial=np.inf) < self.reach for gap in gaps)
 
+    def within_reach(self, p: Particles, time: float) -> np.ndarray:
+        """Owned rows of the points that it may touch soon."""
+        return self._near(p, self._shift(p, time))
+
     def memory(self) -> dict:
         """What a checkpoint keeps."""
         return {"time": self._time, "since": self._since}

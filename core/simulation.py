@@ -11,6 +11,7 @@ from periporo.core.loads.boundary import ViscousDamping
 from periporo.core.motion.energy import Ledger
 from periporo.core.motion.integrator import drift, second_kick
 from periporo.core.motion.pace import kick_within
+from periporo.core.motion.sleep import Sleep
 from periporo.core.motion.stages import Stage
 from periporo.core.motion.timestep import StableTimeStep
 from periporo.core.points.departures import GONE, LOOK_INTERVAL, Departures
@@ -91,6 +92,7 @@ class Simulation:
         self.preparations: list[Callable[[Simulation], None]] = []  # once at the start
         self.guards: list = []  # what may write a checkpoint, stop the run, or take it back: `periporo.core.watch`
         self.departures: Departures | None = None  # points that leave the scene
+        self.sleep: Sleep | None = None  # of points at rest
         self.origin = np.zeros(particles.dimension)  # that positions are counted from, m
         self.reaches: list[Callable[[dict[str, np.ndarray]], float]] = []  # m, farther than bonds; of the owned fields
         self.farthest = 0.0  # m, within which points act on each other until the next rebuild
@@ -149,11 +151,12 @@ class Simulation:
         p = self.particles
         self._refuse_breaches()
         self._adapt_skin()
-        self.domain = self._divided()
+        others_sleep = self.sleep is not None and self.sleep.decide(self)
+        before, self.domain = self.domain, self._divided()
         owner = self.domain.owner(p.position[: p.owned])
         if self.departures is not None:
             owner[self._departing(self.departures)] = GONE
-        self.bonds.collect(self.comm, p, owner)
+        self.bonds.collect(self.comm, p, owner, others_sleep or self.domain is not before)
         owned = self.halo.migrate(p, owner)
         owned["reference_position"] = owned["position"].copy()
         if arrive is not None:
@@ -218,12 +221,15 @@ class Simulation:
     def neighbours_are_stale(self) -> bool:
         """Whether a point somewhere has moved half of the skin since the neighbours were found.
 
-        Or whether one has left the scene, or a law refused the last step: then there is no telling where points are.
+        Or whether one is to wake, or to sleep, or has left the scene, or a law refused the last step: then there is no
+        telling where points are.
         """
         if self.departures is not None:
             looks = self.step_number % LOOK_INTERVAL == 0
             if len(self.departures.condemned) or (looks and self.departures.outside(self.particles).any()):
                 self._moved = np.inf
+        if self.sleep is not None and self.sleep.look(self):
+            self._moved = np.inf
         moved, way = maxima(self.comm, np.array([np.inf if self._refusals else self._moved, self._way])).tolist()
         self.fastest = way / self.dt if self.dt > 0.0 else 0.0
         return not moved <= 0.5 * self.skin
@@ -260,6 +266,13 @@ class Simulation:
             process.update(p, b, dt)
         timing.lap("point processes")
         self.apply_loads(dt)
+
+    def find_shapes(self) -> None:
+        """Influence, shape tensors and shares of the present positions; no time passes."""
+        kept = [(b.stress.copy(), b.state.copy()) for b in self.bonds.blocks]
+        self.scheme.deform(self.particles, self.bonds, self.halo, 0.0, 0.0)
+        for block, (stress, state) in zip(self.bonds.blocks, kept, strict=True):
+            block.stress[:], block.state[:] = stress, state
 
     def apply_loads(self, dt: float) -> None:
         """Forces of contacts and loads at the end of a step of `dt`, and the internal force, which bears them."""
@@ -336,7 +349,7 @@ class Simulation:
         self.apply_loads(0.0)
         self.rate_independent = False
         self.bonds.initial_stress = None  # from now on, a row without a past is a point that lands
-        self.ledger = Ledger(self.comm, self.particles, departures=self.departures)
+        self.ledger = Ledger(self.comm, self.particles, departures=self.departures, sleep=self.sleep)
         self.dt = self.time_step.choose(self)
 
     def run(self, resumed: bool = False) -> None:
@@ -359,6 +372,8 @@ class Simulation:
             left = self.departures.memory()
             left["condemned"] = sorted(sum(self.comm.allgather(left["condemned"]), []))
             clocks["departures"] = left
+        if self.sleep is not None:
+            clocks["sleep"] = self.sleep.memory()
         return clocks | {"initial_kinetic": self.ledger.initial_kinetic, "failed_updates": self.failed_updates()}
 
     def recall(self, memory: dict[str, Any]) -> None:
@@ -367,4 +382,6 @@ class Simulation:
             setattr(self, name, memory[name])
         if self.departures is not None:
             self.departures.recall(memory["departures"])
+        if self.sleep is not None:
+            self.sleep.recall(memory["sleep"])
         self._refusals, self._failed = [], memory["failed_updates"] if self.comm.rank == 0 else 0

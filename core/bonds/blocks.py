@@ -9,7 +9,7 @@ from periporo.core.numerics.jit import kernel
 from periporo.core.points.material import Material, StepRefused, UpdatesFailed, state_columns
 from periporo.core.points.neighbours import Pairs
 from periporo.core.points.opening import Opening
-from periporo.core.points.particles import Particles
+from periporo.core.points.particles import Particles, rows_of
 from periporo.core.ranks.halo import pack
 
 
@@ -31,9 +31,13 @@ class Rows:
         self.stress = np.empty((0, components))
         self.state = np.empty((0, columns))
         self.carried: Carried | None = None
+        self.resting: Carried | None = None  # active rows between points that sleep, which are not among these
 
     def restore(self, peers, pairs: Pairs, particles: Particles) -> None:
-        """Find the rows among new `pairs` and give back what was set aside; `peers` share the pairs with them."""
+        """Find the rows among new `pairs` and give back what was set aside; `peers` share the pairs with them.
+
+        Rows whose points sleep stay aside.
+        """
         self.layout.choose(self, peers, pairs, particles)
         n = len(self.pair)
         source = np.full(n, -1, np.int64)
@@ -44,6 +48,8 @@ class Rows:
             _copy_rows(source, old.stress, self.stress)
             _copy_rows(source, old.state, self.state)
             self.carried = None
+            if self.resting is None:
+                self.resting = old.between_sleepers(particles)
         self.active = source >= 0
 
 
@@ -140,6 +146,27 @@ class Carried:
         """Ids, stress and state of the rows where `chosen` (n,), in one table."""
         rows = np.flatnonzero(chosen)
         return pack([self.ids[self.place[rows]], self.stress[rows], self.state[rows]])
+
+    def together(self, other: "Carried | None") -> "Carried":
+        """The active rows of both, none of which has the ids of another."""
+        if other is None:
+            return self
+        ids, stress, state = (np.concatenate(both) for both in zip(self._active(), other._active(), strict=True))
+        order = np.lexsort((ids[:, 1], ids[:, 0]))
+        return Carried.of_active(ids[order], stress[order], state[order])
+
+    def between_sleepers(self, p: Particles) -> "Carried | None":
+        """The active rows of which both ends sleep, and one is owned; None if there are none."""
+        if p.awake == p.total:
+            return None
+        ids, stress, state = self._active()
+        ends = rows_of(p.id, ids.ravel()).reshape(-1, 2)
+        rests = (ends >= 0).all(axis=1) & (p.asleep[ends] != 0).all(axis=1) & (ends < p.owned).any(axis=1)
+        return Carried.of_active(ids[rests], stress[rests], state[rests]) if rests.any() else None
+
+    def _active(self):
+        rows = np.flatnonzero(self.active)
+        return self.ids[self.place[rows]], self.stress[rows], self.state[rows]
 
     @classmethod
     def of_active(cls, ids, stress, state) -> "Carried":

@@ -11,7 +11,7 @@ from periporo.core.numerics.jit import kernel
 from periporo.core.points.departures import GONE
 from periporo.core.points.material import Material
 from periporo.core.points.neighbours import Pairs
-from periporo.core.points.particles import Field, Particles
+from periporo.core.points.particles import Field, Particles, rows_of
 from periporo.core.ranks.halving import exchange_rows
 
 
@@ -61,26 +61,40 @@ class Bonds:
         """All rows that last through rebuilds, in the order of their `index`."""
         return [*self.blocks, *([] if self.links is None else [self.links])]
 
-    def collect(self, comm, particles: Particles, owner: np.ndarray) -> None:
-        """Set the active rows' state aside for a rebuild, sharing it with the points' new owners."""
+    def collect(self, comm, particles: Particles, owner: np.ndarray, others_sleep: bool = True) -> None:
+        """Set the active rows' state aside for a rebuild, sharing it with the points' new owners.
+
+        Rows between sleepers stay where they are, unless others may sleep now (`others_sleep`), or on another rank.
+        """
+        moved = np.unique(owner[(owner != comm.rank) & (owner != GONE)]).tolist() if comm.size > 1 else []
         for block in self.blocks:
             block.peak_ids, block.peak[1] = self.peak_ends(block), -1.0
         for rows in self.carriers:
             ids, place = rows.layout.keys(rows, self.pairs)
             carried = Carried(ids, place, rows.active, rows.stress, rows.state)
-            rows.carried = carried if comm.size == 1 else self._share(comm, particles, owner, rows, carried)
+            rested = rows.resting if others_sleep else None
+            if rested is not None:
+                carried, rows.resting = carried.together(rested), None
+            outgoing = {}
+            if moved:
+                ends = self._ends_of(particles, rows, carried, rested is not None)
+                home = np.full(particles.total + 1, comm.rank)  # also of points that are not known here, -1
+                home[: particles.owned] = owner
+                leaves = {r: (home[ends[0]] == r) | (home[ends[1]] == r) for r in moved}
+                outgoing = {r: carried.packed(carried.active & goes) for r, goes in leaves.items()}
+            rows.carried = carried if comm.size == 1 else self._share(comm, carried, outgoing)
 
-    def _share(self, comm, particles, owner, held, carried):
+    def _ends_of(self, particles, held, carried, sorts):
+        """Rows of the points at both ends of `carried` rows, -1 for unknown ones; those `held`, unless it `sorts` them.
+        """
+        if not sorts:
+            place, first, second, _ = held.layout.holders(held, self.pairs)
+            return first[place], second[place]
+        return rows_of(particles.id, carried.ids[carried.place].ravel()).reshape(-1, 2).T
+
+    def _share(self, comm, carried, outgoing):
         """`carried` with the rows of points that come to this rank; nothing is copied if none come."""
         width = 2 + carried.stress.shape[1] + carried.state.shape[1]
-        outgoing = {}
-        moved = np.unique(owner[(owner != comm.rank) & (owner != GONE)]).tolist()
-        if moved:
-            home = np.full(particles.total, comm.rank)
-            home[: particles.owned] = owner
-            place, first, second, _ = held.layout.holders(held, self.pairs)
-            ends = home[first[place]], home[second[place]]
-            outgoing = {r: carried.packed(carried.active & ((ends[0] == r) | (ends[1] == r))) for r in moved}
         arrived = exchange_rows(comm, outgoing, width)
         if not len(arrived):
             return carried
@@ -150,7 +164,7 @@ class Bonds:
         """Average stress and state of the active rows of each owned point in `points` (rows), per block.
 
         The weights are w V of the other end; the result goes to the block's point field, whose first column
-        says whether the point has any active row.
+        says whether the point has any active row. Points that sleep have their own.
         """
         for block in self.blocks:
             average_points(
@@ -167,6 +181,10 @@ class Bonds:
                 block.log_columns,
                 getattr(particles, block.average),
             )
+            if block.resting is not None:
+                rest = block.resting
+                average = np.hstack([np.ones((len(rest.ids), 1)), rest.stress, rest.state])
+                getattr(particles, block.average)[rows_of(particles.id, rest.ids[:, 0])] = average
 
     def admit_newborn(self, particles: Particles, dt: float) -> None:
         """Give state to rows whose pair came within the horizon, and take it from those that left.

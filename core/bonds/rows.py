@@ -96,12 +96,12 @@ class DirectedRows(Layout):
 
 
 class PointRows(Layout):
-    """A row for each owned point, keyed (id, id)."""
+    """A row for each owned point that is awake, keyed (id, id)."""
 
     def choose(self, block, blocks, pairs, particles) -> None:
         """Find the rows of `block`."""
         p = particles
-        block.first = block.second = np.flatnonzero(p.material[: p.owned] == block.index).astype(np.uint32)
+        block.first = block.second = np.flatnonzero(p.material[: p.awake] == block.index).astype(np.uint32)
         block.pair, block.side = block.first, np.zeros(len(block.first), np.int8)
         block.integrity = np.ones(len(block.first))
         block.ids = np.stack([p.id[block.first]] * 2, axis=1)

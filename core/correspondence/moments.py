@@ -24,7 +24,7 @@ def update_neighbourhoods(particles, pairs, horizon: float, table: np.ndarray, d
         p.dim,
     )  # fmt: skip
     degenerate = _close_points(
-        p.owned, dt, horizon, p.volume, pairs.count, p.sums, p.dilation, p.share, p.shape_inverse, p.gradient,
+        p.awake, dt, horizon, p.volume, pairs.count, p.sums, p.dilation, p.share, p.shape_inverse, p.gradient,
         p.jacobian, p.dim,
     )  # fmt: skip
     return crossed, degenerate

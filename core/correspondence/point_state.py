@@ -144,6 +144,8 @@ class PointState(Standard):
             _close_flux(
                 block.first, block.active, block.total_stress, p.volume, p.share, p.shape_inverse, p.flux, p.dim
             )
+        if p.awake < p.owned:
+            p.flux[p.awake : p.owned] = p.held_flux[p.awake :]
         halo.update(p, "flux", *(("tilt_force",) if self.balanced else ()))
         force[:] = 0.0
         add_flux_force(p, pairs, force, pull)
@@ -169,6 +171,10 @@ class PointState(Standard):
         """Move points that a flow brought too close together; what `motions` prescribe stays."""
         if self.regular:
             regularity.rearrange(particles, motions)
+
+    def stop_flow(self, particles, rows: np.ndarray) -> None:
+        """Points in `rows` stop to flow."""
+        regularity.stop(particles, rows)
 
     def _describe_ends(self, p, bonds):
         """Find what links need of their ends: E, r and volumes."""

@@ -86,15 +86,20 @@ def exchange(p, pairs, blocks, dt: float) -> None:
         )  # fmt: skip
 
 
+def stop(p, rows: np.ndarray) -> None:
+    """Let the points in `rows` take no part in what their neighbours exchange; they keep their size."""
+    p.flow[rows, ACTIVITY] = p.flow[rows, RATE] = p.flow[rows, PART] = 0.0
+
+
 def rearrange(p, motions) -> None:
     """Move points by their rearrangement; components that `motions` prescribe stay. Volumes follow what was exchanged.
     """
     for motion in motions:
         motion.hold_zero(p, p.rearrangement)
     if "contact_force" in p.fields:
-        _stay_out(p.owned, p.contact_force, p.rearrangement, p.dim)
+        _stay_out(p.awake, p.contact_force, p.rearrangement, p.dim)
     forces = tuple(getattr(p, f"{name}_force") for name in ("external", "contact") if f"{name}_force" in p.fields)
-    _rearrange(p.owned, p.rearrangement, p.position, p.exchanged_strain, p.dilation, forces, p.flow_work, p.dim)
+    _rearrange(p.awake, p.rearrangement, p.position, p.exchanged_strain, p.dilation, forces, p.flow_work, p.dim)
 
 
 @kernel

@@ -52,7 +52,7 @@ def sharpen(particles, pairs, g: float) -> None:
     p = particles
     p.sharp[:] = 0.0
     _sum_differences(pairs.first, pairs.second, pairs.weight, p.volume, p.share, p.gradient, p.sharp, p.dim)
-    _combine(p.owned, g, p.activity, p.volume, p.share, p.gradient, p.sharp, p.uneven_rate, p.dim)
+    _combine(p.awake, g, p.activity, p.volume, p.share, p.gradient, p.sharp, p.uneven_rate, p.dim)
 
 
 @kernel

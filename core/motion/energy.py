@@ -11,6 +11,7 @@ step is taken from the internal work and given to the load's channel, so that ea
 import numpy as np
 from mpi4py import MPI
 
+from periporo.core.motion.sleep import Sleep
 from periporo.core.numerics.jit import kernel
 from periporo.core.numerics.tensors import square_lengths
 from periporo.core.points.departures import Departures
@@ -23,10 +24,14 @@ class Ledger:
     """Energies of the whole scene in J, the same for any number of ranks."""
 
     def __init__(
-        self, comm, particles: Particles, initial_kinetic: float | None = None, departures: Departures | None = None
-    ):
-        """`initial_kinetic` J, the present one if not given; `departures` of a scene that points may leave."""
-        self.departures = departures
+        self, comm, particles: Particles, initial_kinetic: float | None = None, departures: Departures | None = None,
+        sleep: Sleep | None = None,
+    ):  # fmt: skip
+        """`initial_kinetic` J, the present one if not given.
+
+        `departures` of a scene that points may leave, `sleep` of one where they may.
+        """
+        self.departures, self.sleep = departures, sleep
         self._comm = comm
         self._particles = particles
         self.initial_kinetic = self.kinetic() if initial_kinetic is None else initial_kinetic
@@ -69,6 +74,9 @@ class Ledger:
         total = sums if left is None else sums + left.sums
         work = dict(zip(WORK, total[1:].tolist(), strict=True))
         gained = float(total[0]) - self.initial_kinetic
+        if self.sleep is not None:
+            gained += self.sleep.set_aside
+            gone |= {"set_aside_energy": self.sleep.set_aside, "asleep": self.sleep.share}
         return {
             "kinetic_energy": float(sums[0]),
             "internal_energy": -work["internal"],

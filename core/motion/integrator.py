@@ -10,12 +10,12 @@ from periporo.core.points.particles import Particles
 
 def first_kick(p: Particles, forces: ForceChannels, dt: float) -> None:
     """Velocity from t to t + dt/2."""
-    _first_kick(p.owned, dt, p.mass, p.velocity, p.previous_velocity, forces.arrays(), p.dim)
+    _first_kick(p.awake, dt, p.mass, p.velocity, p.previous_velocity, forces.arrays(), p.dim)
 
 
 def take_back_kick(p: Particles) -> None:
     """Velocity from t + dt/2 back to t."""
-    p.velocity[: p.owned] = p.previous_velocity
+    p.velocity[: p.awake] = p.previous_velocity[: p.awake]
 
 
 def drift(p: Particles, forces: ForceChannels, dt: float) -> tuple[float, float]:
@@ -24,7 +24,7 @@ def drift(p: Particles, forces: ForceChannels, dt: float) -> tuple[float, float]
     Returns the largest distance (m) of an owned point from where its neighbours were found, and the longest way (m).
     """
     moved, way = _drift(
-        p.owned, dt, p.mass, p.velocity, p.previous_velocity, p.position, p.reference_position, p.work,
+        p.awake, dt, p.mass, p.velocity, p.previous_velocity, p.position, p.reference_position, p.work,
         forces.arrays(), forces.columns, INTEGRATION, p.dim,
     )  # fmt: skip
     return math.sqrt(moved), math.sqrt(way)
@@ -33,7 +33,7 @@ def drift(p: Particles, forces: ForceChannels, dt: float) -> tuple[float, float]
 def second_kick(p: Particles, forces: ForceChannels, dt: float) -> None:
     """Velocity from t + dt/2 to t + dt; the dilation takes this step's change."""
     _second_kick(
-        p.owned, dt, p.mass, p.velocity, p.previous_velocity, p.dilation, p.jacobian, p.work, forces.arrays(),
+        p.awake, dt, p.mass, p.velocity, p.previous_velocity, p.dilation, p.jacobian, p.work, forces.arrays(),
         forces.columns, INTEGRATION, p.dim,
     )  # fmt: skip
 

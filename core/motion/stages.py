@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -28,6 +29,8 @@ class Stage(ABC):
     loads: list = field(default_factory=list)
     inflows: list = field(default_factory=list)  # of water
     construction: Construction | None = field(default=None, kw_only=True)
+    sleeps: ClassVar[bool] = False
+    """Whether points may sleep, where the scene lets them."""
 
     def run(self, sim, resumed: bool = False) -> None:
         """Put the stage's conditions in force and go through it, or through the rest of it if `resumed`."""
@@ -37,6 +40,8 @@ class Stage(ABC):
             for observer in sim.observers:
                 observer.resume_stage(sim, self)
         else:
+            if sim.sleep is not None:
+                sim.sleep.wake_all(sim)
             if self.construction is not None:
                 self.construction.carry_out(sim)
             self._set_out(sim)
@@ -170,6 +175,7 @@ class RelaxStage(Stage):
 class DynamicsStage(Stage):
     """Motion for `duration` s, or until the kinetic energy has fallen to `rest_fraction` of its peak."""
 
+    sleeps: ClassVar[bool] = True
     duration: float = 0.0
     rest_fraction: float | None = None
     rest_interval: int = 100  # steps between looks at the kinetic energy

@@ -26,6 +26,7 @@ _OFTEN, _SELDOM = 200, 800  # steps after which it is measured again in any case
 _NEVER = 2**62
 _STEADY = 0.02  # relative change of the ratio up to which it is measured less often
 _SCRATCHED = ("velocity", "jacobian", "tilt", "viscous_stress")  # fields of points that keep their values
+_HELD = ("seen", "held_flux")  # what points that sleep add to forces, whatever moves
 _REMEMBERED = ("ratio", "reduction", "_calibrated_at", "_calibrated_in", "_pause", "_local", "_again")
 
 
@@ -125,7 +126,7 @@ def local_frequency(sim, contacts, ahead: float = 0.0) -> float:
     stiffness = np.zeros(p.owned)
     for contact in contacts:
         contact.add_stiffness(p, sim.time, ahead, stiffness)
-    return float(np.sqrt(maximum(sim.comm, _largest_square_frequency(p.owned, springs, stiffness, p.mass, p.dim))))
+    return float(np.sqrt(maximum(sim.comm, _largest_square_frequency(p.awake, springs, stiffness, p.mass, p.dim))))
 
 
 def highest_frequency(sim) -> float:
@@ -135,13 +136,16 @@ def highest_frequency(sim) -> float:
     of the simulation changes. It starts from random numbers everywhere: where points look stiffest by themselves, the
     highest mode often is not, and an iteration that starts there finds a lower one.
     """
-    p, n = sim.particles, sim.particles.owned
+    p, n = sim.particles, sim.particles.awake
     for block in sim.bonds.blocks:
         block.held_moduli = block.elastic_moduli()
     kept = [(r.stress.copy(), r.state.copy(), r.active.copy()) for r in sim.bonds.carriers]
     totals = [b.total for b in sim.bonds.blocks]
-    points = {name: getattr(p, name).copy() for name in _SCRATCHED if name in p.fields}
-    root_mass = np.sqrt(p.mass)[:, None]
+    held = _HELD if "asleep" in p.fields else ()
+    points = {name: getattr(p, name).copy() for name in (*_SCRATCHED, *held) if name in p.fields}
+    for name in points.keys() & held:
+        getattr(p, name)[:] = 0.0
+    root_mass = np.sqrt(p.mass[:n])[:, None]
     vector = uniform(p.id[:n], p.dimension, seed=1) - 0.5
     previous, beta = np.zeros_like(vector), 0.0
     diagonal: list[float] = []
@@ -174,11 +178,11 @@ def _largest_eigenvalue(diagonal, beside):
 
 
 def apply_stiffness(sim, displacement):
-    """Elastic force (owned, d) that a small displacement calls forth, by the production kernels and contacts."""
+    """Elastic force (awake, d) that a small displacement calls forth, by the production kernels and contacts."""
     p = sim.particles
     size = maximum(sim.comm, float(np.abs(displacement).max(initial=0.0)))
     dt = 1e-15 * sim.spacing / size  # small enough to be linear
-    p.velocity[: p.owned] = displacement
+    p.velocity[: p.awake] = displacement
     sim.halo.update(p, "velocity")
     for rows in sim.bonds.carriers:
         rows.stress[:] = 0.0
@@ -193,7 +197,7 @@ def apply_stiffness(sim, displacement):
     for contact in sim.contacts:
         contact.resist(p, sim.time, sim.time_step.interval * sim.dt, dt, held, moment)
     sim.scheme.internal_force(p, sim.bonds, sim.halo, force, moment if sim.forces.on_faces else None)
-    return -(force + held)[: p.owned] / dt
+    return -(force + held)[: p.awake] / dt
 
 
 @kernel

@@ -44,7 +44,7 @@ class StrainMeasures:
 
     def update(self, p, bonds, dt: float) -> None:
         """Add this step's strain."""
-        _accumulate_strain(p.owned, dt, p.gradient, p.equivalent_shear_strain, p.volumetric_strain, p.dim)
+        _accumulate_strain(p.awake, dt, p.gradient, p.equivalent_shear_strain, p.volumetric_strain, p.dim)
 
 
 @kernel

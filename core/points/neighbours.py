@@ -6,7 +6,7 @@ from periporo.core.numerics.jit import kernel
 
 
 class Pairs:
-    """Undirected pairs with at least one owned end, sorted by (lower id, higher id).
+    """Undirected pairs with at least one owned and one waking end, sorted by (lower id, higher id).
 
     `first`, `second` (n,) uint32 rows of the end with the lower and the higher id; `ids` (n, 2) int64;
     `weight` (n,) influence w of the present configuration, 0 from the horizon on; `count` (total,) how many bonds
@@ -22,10 +22,11 @@ class Pairs:
         self.count = np.empty(0, np.int64)
 
     def find(self, particles, reach: float) -> None:
-        """List every pair closer than `reach` m whose points may bond (same `group`)."""
+        """List every pair closer than `reach` m whose points may bond (same `group`), unless both sleep."""
         p = particles
         capacity = max(int(1.2 * len(self.first)), 16 * p.total, 64)
-        self.first, self.second = find_pairs(p, np.arange(p.total), p.group, reach, capacity)
+        asleep = p.asleep != 0 if "asleep" in p.fields else None
+        self.first, self.second = find_pairs(p, np.arange(p.total), p.group, reach, capacity, asleep)
         found = len(self.first)
         self.ids = np.stack([p.id[self.first], p.id[self.second]], axis=1)
         self.weight, self.count = np.zeros(found), np.zeros(p.total, np.int64)
@@ -36,20 +37,34 @@ class Pairs:
         return (first + second).astype(float)
 
 
-def find_pairs(particles, rows: np.ndarray, group: np.ndarray, reach: float, capacity: int = 1024) -> np.ndarray:
+def find_pairs(
+    particles, rows: np.ndarray, group: np.ndarray, reach: float, capacity: int = 1024,
+    asleep: np.ndarray | None = None,
+) -> np.ndarray:  # fmt: skip
     """Ends (2, n) uint32 of all pairs among `rows` closer than `reach` m, of equal `group` and with an owned end.
 
-    The first end has the lower id; pairs stand in the order of (lower id, higher id). `capacity` is a guess of n.
+    The first end has the lower id; pairs stand in the order of (lower id, higher id). `capacity` is a guess of n. Pairs
+    of which both ends are `asleep` (total,) are left out.
     """
     p = particles
+    asleep = np.zeros(p.total, np.bool_) if asleep is None else asleep
     order = rows[np.argsort(p.id[rows], kind="stable")].astype(np.int32)
     cell, counts = _cells(p.position[order], reach)
     while True:
         ends = np.empty((2, capacity), np.uint32)
-        found = _find_pairs(order, p.position, group, p.owned, cell, counts, reach, ends, p.dim)
+        found = _find_pairs(order, p.position, group, asleep, p.owned, cell, counts, reach, ends, p.dim)
         if found <= capacity:
             return ends[:, :found].copy()
         capacity = found
+
+
+def near(particles, chosen: np.ndarray, radius: float) -> np.ndarray:
+    """Which owned points (owned,) are `chosen` (total,), or closer than `radius` m to one that is."""
+    p = particles
+    cell, counts = _cells(p.position, radius)
+    found = np.zeros(p.owned, np.bool_)
+    _find_near(p.position, chosen, cell, counts, radius, found, p.dim)
+    return found
 
 
 def _cells(position, reach):
@@ -67,14 +82,18 @@ def _cells(position, reach):
 
 
 @kernel
-def _find_pairs(order, position, group, owned, cell, counts, reach, ends, dim):
+def _find_pairs(order, position, group, asleep, owned, cell, counts, reach, ends, dim):
     """Fill `ends` (2, capacity); the number of pairs there are, also when there is no room for them."""
     n = order.shape[0]
     heads = np.zeros(counts[0] * counts[1] * counts[2] + 1, np.int32)
+    waking = np.zeros_like(heads)  # points in the cells before
     for p in range(n):
-        heads[(cell[p, 0] * counts[1] + cell[p, 1]) * counts[2] + cell[p, 2] + 1] += 1
+        c = (cell[p, 0] * counts[1] + cell[p, 1]) * counts[2] + cell[p, 2] + 1
+        heads[c] += 1
+        waking[c] += not asleep[order[p]]
     for c in range(heads.shape[0] - 1):
         heads[c + 1] += heads[c]
+        waking[c + 1] += waking[c]
     filled = heads.copy()
     members = np.empty(n, np.int32)  # ranks in id order, cell by cell
     place = np.empty((n, len(dim)))  # and where they are
@@ -92,15 +111,17 @@ def _find_pairs(order, position, group, owned, cell, counts, reach, ends, dim):
         for cx in range(max(cell[p, 0] - 1, 0), min(cell[p, 0] + 2, counts[0])):
             for cy in range(max(cell[p, 1] - 1, 0), min(cell[p, 1] + 2, counts[1])):
                 row = (cx * counts[1] + cy) * counts[2]  # whose cells follow each other
-                begin, end = heads[row + max(cell[p, 2] - 1, 0)], heads[row + min(cell[p, 2] + 2, counts[2])]
-                for k in range(begin, end):
+                lower, upper = row + max(cell[p, 2] - 1, 0), row + min(cell[p, 2] + 2, counts[2])
+                if asleep[i] and waking[lower] == waking[upper]:
+                    continue
+                for k in range(heads[lower], heads[upper]):
                     r2 = 0.0
                     for a in range(len(dim)):
                         r2 += (place[k, a] - position[i, a]) ** 2
                     q = members[k]
                     if q > p and r2 < reach * reach:
                         j = order[q]
-                        if (i < owned or j < owned) and group[i] == group[j]:
+                        if (i < owned or j < owned) and group[i] == group[j] and not (asleep[i] and asleep[j]):
                             partners[m] = q
                             m += 1
         for k in range(1, m):  # insertion sort: rows are short
@@ -116,3 +137,33 @@ def _find_pairs(order, position, group, owned, cell, counts, reach, ends, dim):
                 ends[1, found + k] = order[partners[k]]
         found += m
     return found
+
+
+@kernel
+def _find_near(position, chosen, cell, counts, radius, found, dim):
+    heads = np.zeros(counts[0] * counts[1] * counts[2] + 1, np.int32)
+    for i in range(chosen.shape[0]):
+        if chosen[i]:
+            heads[(cell[i, 0] * counts[1] + cell[i, 1]) * counts[2] + cell[i, 2] + 1] += 1
+    for c in range(heads.shape[0] - 1):
+        heads[c + 1] += heads[c]
+    filled = heads.copy()
+    members = np.empty(heads[heads.shape[0] - 1], np.int32)
+    for i in range(chosen.shape[0]):
+        if chosen[i]:
+            c = (cell[i, 0] * counts[1] + cell[i, 1]) * counts[2] + cell[i, 2]
+            members[filled[c]] = i
+            filled[c] += 1
+    for i in range(found.shape[0]):
+        found[i] = chosen[i]
+        for cx in range(max(cell[i, 0] - 1, 0), min(cell[i, 0] + 2, counts[0])):
+            for cy in range(max(cell[i, 1] - 1, 0), min(cell[i, 1] + 2, counts[1])):
+                row = (cx * counts[1] + cy) * counts[2]  # whose cells follow each other
+                begin, end = heads[row + max(cell[i, 2] - 1, 0)], heads[row + min(cell[i, 2] + 2, counts[2])]
+                for k in range(begin, end):
+                    if found[i]:
+                        break
+                    square = 0.0
+                    for a in range(len(dim)):
+                        square += (position[members[k], a] - position[i, a]) ** 2
+                    found[i] = square < radius * radius

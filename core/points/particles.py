@@ -1,7 +1,7 @@
 """Points as a struct of arrays: owned rows first, then ghosts."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -52,13 +52,17 @@ def standard_fields(dimension: int) -> tuple[Field, ...]:
 
 
 class Particles:
-    """Arrays of `owned` points of this rank followed by `total - owned` ghosts, one attribute per field."""
+    """Arrays of `owned` points of this rank followed by `total - owned` ghosts, one attribute per field.
+
+    Owned rows from `awake` on sleep, where points may (`periporo.core.motion.sleep`); elsewhere `awake` is `owned`.
+    """
 
     def __init__(self, dimension: int):
         self.dimension = dimension
         self.components = component_count(dimension)
         self.dim = DIMENSION[dimension]
         self.fields: dict[str, Field] = {}
+        self.awake = 0
         self.owned = 0
         self.total = 0
         for field in standard_fields(dimension):
@@ -76,6 +80,10 @@ class Particles:
         self.fields[field.name] = field
         setattr(self, field.name, self._zeros(field))
 
+    def keep(self, name: str) -> None:
+        """Let a field that a step makes belong to its point from now on: it migrates, and is saved."""
+        self.fields[name] = replace(self.fields[name], migrates=True)
+
     def _zeros(self, field: Field) -> np.ndarray:
         rows = self.total if field.sent else self.owned
         return _aligned_zeros(rows if field.columns is None else (rows, field.columns), field.dtype)
@@ -89,8 +97,9 @@ class Particles:
         return [f for f in self.fields.values() if f.migrates]
 
     def replace(self, owned: dict[str, np.ndarray], ghosts: int) -> None:
-        """New owned rows by field name, with room for `ghosts` more; the other fields become zero."""
+        """New owned rows by field name, sleepers last, with room for `ghosts` more; the other fields become zero."""
         self.owned = len(owned["id"])
+        self.awake = self.owned - (int(np.count_nonzero(owned["asleep"])) if "asleep" in self.fields else 0)
         self.total = self.owned + ghosts
         for field in self.fields.values():
             array = self._zeros(field)
@@ -101,6 +110,23 @@ class Particles:
     def take(self, rows: np.ndarray | slice) -> dict[str, np.ndarray]:
         """The migrating fields of the owned `rows`."""
         return {f.name: getattr(self, f.name)[rows] for f in self.migrating()}
+
+
+def awake_first(owned: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Rows of points by field, those that sleep behind the others."""
+    if "asleep" not in owned or not owned["asleep"].any():
+        return owned
+    order = np.argsort(owned["asleep"] != 0, kind="stable")
+    return {name: np.ascontiguousarray(array[order]) for name, array in owned.items()}
+
+
+def rows_of(ids: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """For each of the `wanted` ids its row in `ids`, -1 where it is not there."""
+    if len(ids) == 0:
+        return np.full(len(wanted), -1)
+    order = np.argsort(ids)
+    place = order[np.minimum(np.searchsorted(ids, wanted, sorter=order), len(ids) - 1)]
+    return np.where(ids[place] == wanted, place, -1)
 
 
 def _aligned_zeros(shape, dtype) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from periporo.core.points.departures import GONE
-from periporo.core.points.particles import Particles
+from periporo.core.points.particles import Particles, awake_first
 from periporo.core.ranks.domain import Domain, distance
 from periporo.core.ranks.halving import exchange_rows
 
@@ -64,6 +64,7 @@ class Halo:
     def rebuild(self, particles: Particles, domain: Domain, owned: dict[str, np.ndarray], reach: float) -> None:
         """Install the `owned` fields and find every ghost within `reach` m of this rank's box."""
         self.close()
+        owned = awake_first(owned)
         near = domain.near(reach)
         rows_near = {rank: np.flatnonzero(distance(box, owned["position"]) < reach) for rank, box in near.items()}
         self.sends = {rank: rows for rank, rows in rows_near.items() if len(rows)}

@@ -13,6 +13,7 @@ from periporo.core.correspondence.sub_horizon_published import SubHorizonPublish
 from periporo.core.loads.absorbing import Absorbing
 from periporo.core.loads.boundary import Gravity, PrescribedMotion, Traction, ViscousDamping, without_overlaps
 from periporo.core.motion.dissipation import PlasticDissipation, reports
+from periporo.core.motion.sleep import Sleep
 from periporo.core.motion.stages import DynamicsStage, RelaxStage
 from periporo.core.motion.timestep import StableTimeStep
 from periporo.core.points import fields
@@ -72,6 +73,9 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
         particles.add_field(tilt_field(scene.dimension))
         sim.preparations.append(balance)
     sim.forces.need("external")
+    if scene.sleep is not None:
+        sim.sleep = Sleep(scene.sleep.speed, scene.sleep.steps)
+        sim.sleep.attach(particles)
     strains = fields.StrainMeasures()
     strains.attach(particles)
     sim.point_processes.append(strains)

@@ -11,6 +11,7 @@ import numpy as np
 
 from periporo.core.bonds.blocks import Carried
 from periporo.core.motion.energy import Ledger
+from periporo.core.points.particles import awake_first, rows_of
 from periporo.core.ranks import domain as decomposition
 from periporo.core.ranks.domain import Domain
 from periporo.core.ranks.halo import pack
@@ -57,8 +58,9 @@ def tables(sim):
 
     Rows are sorted by their keys; `State.of_tables` takes the columns back.
     """
-    n = sim.particles.owned
-    yield "points", sim.particles.id[:n], {name: getattr(sim.particles, name)[:n] for name in point_fields(sim)}
+    order = np.argsort(sim.particles.id[: sim.particles.owned], kind="stable")
+    columns = {name: getattr(sim.particles, name)[order] for name in point_fields(sim)}
+    yield "points", columns["id"], columns
     for held in sim.bonds.carriers:
         rows = own_rows(sim, held)
         columns = {"ids": rows.ids, "stress": rows.stress, "state": rows.state}
@@ -66,12 +68,17 @@ def tables(sim):
 
 
 def own_rows(sim, held) -> Carried:
-    """The active ones of the rows `held` whose first end is an owned point, sorted by ids."""
+    """The active ones of the rows `held`, and of those at rest, whose first end is an owned point, sorted by ids."""
     pairs, layout = sim.bonds.pairs, held.layout
     index, first, _, _ = layout.holders(held, pairs)
     rows = np.flatnonzero(held.active & (first[index] < sim.particles.owned))
     ids, place = layout.keys(held, pairs)
-    return Carried.of_active(ids[place[rows]], held.stress[rows], held.state[rows])
+    listed = Carried.of_active(ids[place[rows]], held.stress[rows], held.state[rows])
+    if held.resting is None:
+        return listed
+    own, p = held.resting, sim.particles
+    mine = rows_of(p.id, own.ids[:, 0]) < p.owned
+    return listed.together(Carried.of_active(own.ids[mine], own.stress[mine], own.state[mine]))
 
 
 def memory(sim) -> dict:
@@ -124,7 +131,8 @@ def resume(sim, state: State) -> None:
         raise StateError("it has other state variables of the materials")
     sim.bonds.initial_stress = None  # a row without a past is a point that lands
     install(sim, distributed(sim, state))
-    sim.ledger = Ledger(sim.comm, sim.particles, state.memory["simulation"]["initial_kinetic"], sim.departures)
+    initial = state.memory["simulation"]["initial_kinetic"]
+    sim.ledger = Ledger(sim.comm, sim.particles, initial, sim.departures, sim.sleep)
 
 
 def distributed(sim, state: State) -> State:
@@ -173,15 +181,15 @@ def install(sim, state: State) -> None:
 
     Raises StateError if its rows are not between neighbours.
     """
-    p, bonds = sim.particles, sim.bonds
+    p, bonds, points = sim.particles, sim.bonds, awake_first(state.points)
     recall(sim, state.memory)
     sim.domain = state.domain
     # neighbours as they were found: the same pairs are listed for as long as in a run that was not interrupted
-    owned = {f.name: state.points[f.name] for f in p.migrating()}
+    owned = {f.name: points[f.name] for f in p.migrating()}
     found_at = owned | {"position": owned["reference_position"]}
     sim.halo.rebuild(p, sim.domain, found_at, sim.ghost_reach)
     for held, rows in zip(bonds.carriers, state.rows, strict=True):
-        held.carried = _shared(sim, rows)
+        held.carried, held.resting = _shared(sim, rows), None
     bonds.rebuild(p, sim.reach)
     lost = sum(len(r.ids) - len(own_rows(sim, h).ids) for h, r in zip(bonds.carriers, state.rows, strict=True))
     if sim.comm.allreduce(lost) != 0:
@@ -190,37 +198,21 @@ def install(sim, state: State) -> None:
         contact.add_stiffness(p, sim.time, 0.0, np.zeros(p.owned))  # looks for candidates while points stand there
     p.position[: p.owned] = owned["position"]
     for name in sim.forces.names:
-        getattr(p, f"{name}_force")[: p.owned] = state.points[f"{name}_force"]
+        getattr(p, f"{name}_force")[: p.owned] = points[f"{name}_force"]
     sim.halo.update(p, *[f.name for f in p.migrating() if f.sent])
-    _find_shapes(sim)
+    sim.find_shapes()
+    if sim.sleep is not None:  # what points that fall asleep keep is that of the last step
+        sim.sleep.put_back(p, sim.halo, owned)
 
 
 def _shared(sim, rows: Carried) -> Carried:
     """The rows together with those whose second end is ours and whose first end is another rank's."""
     p = sim.particles
     packed = pack([rows.ids, rows.stress, rows.state])
-    second = _rows_of(p.id, rows.ids[:, 1])
+    second = rows_of(p.id, rows.ids[:, 1])
     receives = sim.halo.receives.items()
     outgoing = {r: packed[(second >= ghosts.start) & (second < ghosts.stop)] for r, ghosts in receives}
     arrived = exchange_rows(sim.comm, outgoing, packed.shape[1])
     packed = np.concatenate([packed, arrived])
     end = 2 + rows.stress.shape[1]
     return _in_order(np.ascontiguousarray(packed[:, :2]).view(np.int64), packed[:, 2:end], packed[:, end:])
-
-
-def _rows_of(ids, wanted):
-    """For each of the `wanted` ids its row in `ids`, -1 where it is not there."""
-    if len(ids) == 0:
-        return np.full(len(wanted), -1)
-    order = np.argsort(ids)
-    place = order[np.minimum(np.searchsorted(ids, wanted, sorter=order), len(ids) - 1)]
-    return np.where(ids[place] == wanted, place, -1)
-
-
-def _find_shapes(sim) -> None:
-    """Influence, shape tensors and shares of the present positions, which the choice of a time step begins with."""
-    p = sim.particles
-    kept = [(b.stress.copy(), b.state.copy()) for b in sim.bonds.blocks]
-    sim.scheme.deform(p, sim.bonds, sim.halo, 0.0, 0.0)
-    for block, (stress, state) in zip(sim.bonds.blocks, kept, strict=True):
-        block.stress[:], block.state[:] = stress, state

@@ -57,7 +57,7 @@ def scene_problems(scene: SceneInput) -> list[Problem]:
     """Contradictions within a scene whose parts are valid each for itself."""
     problems = [*_dimension_problems(scene), *_order_problems(scene), *_name_problems(scene)]
     problems += [*_gravity_problems(scene), *_motion_problems(scene), *_strength_problems(scene)]
-    problems += _water_problems(scene)
+    problems += [*_water_problems(scene), *_sleep_problems(scene)]
     return problems or list(geometry_problems(scene))
 
 
@@ -252,6 +252,18 @@ def _strength_problems(scene: SceneInput) -> Iterator[Problem]:
             if not (hasattr(law, "weakened") or getattr(law, "conservative", False)):
                 message = f"'{material.model}' does not say how its strength is reduced; stage '{stage.name}' needs it"
                 yield Problem(("materials", name, "model"), message)
+
+
+def _sleep_problems(scene: SceneInput) -> Iterator[Problem]:
+    """Points that may sleep where something else goes on in them."""
+    if scene.sleep is None:
+        return
+    chosen = scene.correspondence
+    if chosen.scheme != "point_state" or chosen.balance:
+        message = "points sleep with correspondence point_state without balance; choose that, or remove 'sleep'"
+        yield Problem(("sleep",), message)
+    if scene.pore_water is not None:
+        yield Problem(("sleep",), "points with pore water do not sleep; remove 'sleep', or 'pore_water'")
 
 
 def _water_problems(scene: SceneInput) -> Iterator[Problem]:

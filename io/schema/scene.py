@@ -185,6 +185,15 @@ class TimeStep(SceneModel):
     update: Integer = key("steps between updates of the bound", "steps", default=20, ge=1, le=10_000)
 
 
+class SleepInput(SceneModel):
+    """Points at rest, which are passed over until something near them changes."""
+
+    speed: Real = key("a point that is slower is at rest", "m/s", gt=0, le=1e6)
+    steps: Integer = key(
+        "for how long a point and all within two horizons must have been at rest", "steps", default=200, ge=10, le=10**6
+    )
+
+
 class Output(SceneModel):
     """What is written, and how often."""
 
@@ -261,6 +270,7 @@ class SceneInput(SceneModel):
     pore_water: PoreWater | None = key("water in the pores, default dry", default=None)
     stages: tuple[Stage, ...] = key("what happens, one after the other", min_length=1, max_length=1000)
     time_step: TimeStep = key("choice of the time step", default=TimeStep())
+    sleep: SleepInput | None = key("let points at rest sleep; default none", default=None)
     output: Output = key("results", default=Output())
     cpu_target: Literal["own", "common"] = key(
         "what kernels are compiled for: each rank's own processor, which must be alike, or what all have in common",

@@ -78,6 +78,22 @@ def stacked_cubes():
     }  # fmt: skip
 
 
+def dozing():
+    """One end of a slab of sand is thrown against the rest, which sleeps until it feels it."""
+
+    def part(name, left, right, velocity):
+        return {"name": name, "material": "sand", "velocity": velocity, "jitter": 0.1,
+                "shape": {"type": "box", "lower": [left, 0.0], "upper": [right, 0.05]}}  # fmt: skip
+
+    return {
+        "dimension": 2, "spacing": 0.01, "gravity": [0.0, -1.0], "materials": {"sand": SAND},
+        "bodies": [part("slab", -0.5, 0.0, [0.0, 0.0]), part("end", 0.0, 0.05, [-0.5, 0.2])],
+        "contacts": [{"type": "plane", "point": [0, 0], "normal": [0, 1], "friction": 0.4, "damping": 0.1}],
+        "stages": [{"name": "hit", "type": "dynamics", "duration": 0.06}],
+        "sleep": {"speed": 0.02, "steps": 10}, "output": {"interval": 0.02, "history_interval": 1},
+    }  # fmt: skip
+
+
 OTHERS = [name for name in SCHEMES if name != "bond_projected"]
 OTHERS += [{"scheme": "point_state", "sharpened": True}, {"scheme": "point_state", "sharpened": True, "regular": True},
            {"scheme": "bond_projected", "balance": True},
@@ -89,7 +105,7 @@ def falling(scheme):
     return column(scheme, stages=[{"name": "fall", "type": "dynamics", "duration": 0.03}])
 
 
-SCENES = {scene.__name__: scene() for scene in (column, wet_column, stacked_cubes)}
+SCENES = {scene.__name__: scene() for scene in (column, wet_column, stacked_cubes, dozing)}
 SCENES |= {f"scheme {number}": falling(scheme) for number, scheme in enumerate(OTHERS)}
 
 
