@@ -77,7 +77,7 @@ class Box:
 
 
 class Disc:
-    """Solid disc in the plane; points stay outside."""
+    """Solid disc in the plane, or sphere in space; points stay outside."""
 
     def __init__(self, center, radius):
         self.center, self.radius = np.asarray(center, float), float(radius)
@@ -89,6 +89,10 @@ class Disc:
 
     def outline(self, middle, size):
         """See `Surface.outline`."""
+        if len(self.center) == 3:
+            angle = np.linspace(0.0, np.pi, _AROUND // 4 + 1)
+            points, cells = _revolved(np.column_stack([np.sin(angle), -np.cos(angle)]))
+            return self.center + self.radius * points, cells
         return self.center + self.radius * _circle(), [(POLYGON, range(_AROUND))]
 
 
@@ -124,6 +128,35 @@ class Cylinder:
         return points, [(POLYGON, around), (POLYGON, range(_AROUND, 2 * _AROUND)), *sides]
 
 
+class Cone:
+    """Solid of revolution about the z axis through `tip` (3,) m, with a `profile` (n, 2) m of radii, heights above it.
+
+    The profile begins and ends on the axis. Its edges are round to a point outside.
+    """
+
+    def __init__(self, tip, profile):
+        self.tip, self.profile = np.asarray(tip, float), np.asarray(profile, float)
+        mirrored = self.profile[1:-1] * [-1.0, 1.0]
+        # clockwise, so that points stay outside
+        self._section = Polyline(np.concatenate([self.profile[::-1], mirrored, self.profile[-1:]]))
+
+    def gap(self, position):
+        """See `Surface.gap`: that of the section through the axis."""
+        relative = position - self.tip
+        height = relative[:, 2].copy()
+        relative[:, 2] = 0.0
+        distance, radial = _radial(relative)
+        gap, flat = self._section.gap(np.column_stack([distance, height]))
+        normal = flat[:, :1] * radial
+        normal[:, 2] = flat[:, 1]
+        return gap, normal
+
+    def outline(self, middle, size):
+        """See `Surface.outline`."""
+        points, cells = _revolved(self.profile)
+        return points + self.tip, cells
+
+
 class Polyline:
     """Ground to the right of a polyline in the plane: points stay on the left along its vertices (n, 2).
 
@@ -154,6 +187,16 @@ class Polyline:
                 direction = edge / np.sqrt((edge**2).sum())
                 points[end] += max(size + (middle - points[end]) @ direction, 0.0) * direction
         return points, [(POLY_LINE, range(len(points)))]
+
+
+def _revolved(profile):
+    """Outline of what the profile (n, 2), radius and height, makes about the z axis."""
+    points = np.concatenate([np.column_stack([r * _circle(), np.full(_AROUND, z)]) for r, z in profile])
+    ring = np.arange(_AROUND)
+    beside = (ring + 1) % _AROUND
+    strips = [np.column_stack([k + ring, k + beside, k + _AROUND + beside, k + _AROUND + ring])
+              for k in range(0, len(points) - _AROUND, _AROUND)]  # fmt: skip
+    return points, [(QUAD, row) for row in np.concatenate(strips)]
 
 
 def _circle():

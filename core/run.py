@@ -11,6 +11,7 @@ from pathlib import Path
 import yaml
 from mpi4py import MPI
 
+from periporo.core.motion.energy import OBSTACLES
 from periporo.core.numerics import jit
 from periporo.core.points import departures, fields
 from periporo.core.points.probes import Probes
@@ -171,9 +172,11 @@ def everywhere(comm, function, *arguments):
 
 def _writer(scene, target, sim, names, probes, overwrite, state):
     declared = {n: (f.columns, f.unit) for n, f in fields.available(sim).items() if n in names}
+    told = {name: unit for part in sim.reactions for name, unit in part.units.items()}
     return ResultWriter(
         target, sim.comm, dimension=scene.dimension, fields=declared, attributes=_attributes(scene, sim),
-        history_units=HistoryObserver.UNITS | departures.UNITS | flow.UNITS | probes.units, overwrite=overwrite,
+        history_units=HistoryObserver.UNITS | departures.UNITS | OBSTACLES | flow.UNITS | probes.units | told,
+        overwrite=overwrite,
         obstacles=any(hasattr(c, "outline") for stage in sim.stages for c in stage.contacts),
         resume_step=None if state is None else state.memory["simulation"]["step_number"],
     )  # fmt: skip
@@ -283,7 +286,7 @@ def _deposit(sim, history) -> dict:
 
 def _summary(sim, history, figures) -> list[str]:
     """Energy ledger, run-out and height, what laws failed in, and where the time went."""
-    last, units = history.latest, history.UNITS | departures.UNITS
+    last, units = history.latest, history.UNITS | departures.UNITS | OBSTACLES
     energies = [name for name in last if units.get(name) == "J"]
     ledger = [f"  {name.replace('_', ' '):22s} {last[name] + 0.0:+.6e} J" for name in energies]  # + 0.0: no minus zero
     run_out = f"{figures['run_out_m']:.4g} m (99 % of the deposit)"

@@ -123,7 +123,8 @@ def resume(sim, state: State) -> None:
         raise StateError("it has other state variables of the materials")
     sim.bonds.initial_stress = None  # a row without a past is a point that lands
     install(sim, distributed(sim, state))
-    sim.ledger = Ledger(sim.comm, sim.particles, state.memory["simulation"]["initial_kinetic"], sim.departures)
+    kinetic = state.memory["simulation"]["initial_kinetic"]
+    sim.ledger = Ledger(sim.comm, sim.particles, kinetic, sim.departures, sim.reactions)
 
 
 def distributed(sim, state: State) -> State:
