@@ -31,6 +31,14 @@ class Pose:
         turned = position if self.turn is None else (position - self.about) @ self.turn.T + self.about
         return turned + self.shift
 
+    def around(self, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Corners (d,) m of the box around the surface's own box from `lower` to `upper`; infinite if that is."""
+        if self.turn is None or not np.isfinite([lower, upper]).all():
+            return lower + self.shift, upper + self.shift
+        middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+        middle, half = self.left(middle), np.abs(self.turn) @ half
+        return middle - half, middle + half
+
     def directed(self, normal: np.ndarray) -> np.ndarray:
         """Directions (n, d) of the surface as they stand in space."""
         return normal if self.turn is None else normal @ self.turn.T

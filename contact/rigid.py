@@ -23,8 +23,10 @@ import numpy as np
 
 from periporo.contact.motion import Motion, Pose, velocity_between
 from periporo.contact.reaction import Feelers, Reaction
+from periporo.contact.search import Search
 from periporo.contact.surfaces import Surface
 from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.numerics.tensors import square_lengths
 from periporo.core.points.faces import add_face_force, face_velocity
 from periporo.core.points.forces import CONTACT, RECOVERY, ForceChannels
 from periporo.core.points.particles import Field, Particles
@@ -33,6 +35,7 @@ _LOOKS = 100  # along the way of an obstacle
 _HASTE = 1.5  # times the present speed, which points may reach before they are looked at again
 _SOON = 1.5  # reaches within which a point counts as one that may touch soon
 _OFF = 0.2  # reaches
+_HELD = 4.0  # reaches, beyond which no point holds a spring, or a memory of being squeezed
 _MEMORY = 0.1  # strain in which a cell forgets its stretch
 _WHOLE = 1.4  # reaches up to which the lever is the distance from the surface; it is 0 at 2
 FAR = 8.0
@@ -54,6 +57,7 @@ class RigidContact:
     def __init__(
         self, name, surface: Surface, *, spacing, skin, stiffness, friction, damping=0.0,
         motion: Motion | None = None, reaction: Reaction | None = None, feelers: Feelers | None = None,
+        search: Search | None = None,
     ):  # fmt: skip
         self.name = name
         self.surface = surface
@@ -63,6 +67,7 @@ class RigidContact:
         self.friction = friction
         self.damping = damping
         self.motion, self.reaction, self.feelers = motion, reaction, feelers
+        self._search = Search() if search is None else search
         self.spring, self.cell = f"contact_spring_{name}", f"contact_cell_{name}"
         self._time: float | None = None
         self.pose: Pose | None = None  # at that time; None if it stands
@@ -158,9 +163,8 @@ class RigidContact:
         pose, x, velocity = self._pose_at(time), p.position[: p.owned], p.velocity[: p.owned]
         if pose is not None and self.motion is not None:
             velocity = velocity - velocity_between(pose, self.motion.pose(time + ahead), ahead, x)
-        margin = (_SOON - 1.0) * self.reach
-        fast = _HASTE * ahead * np.sqrt((velocity**2).sum(axis=1).max(initial=0.0)) > margin
-        rows = np.arange(p.owned) if fast else self._near(p, pose)
+        margin, way = (_SOON - 1.0) * self.reach, _HASTE * ahead * _largest_length(velocity)
+        rows = self._candidates(p, pose, way) if way > margin else self._near(p, pose)
         gap, normal = self._gap(x[rows], pose)
         approach = -(velocity[rows] * normal).sum(axis=1)
         soon = gap - self.reach < np.maximum(margin, _HASTE * ahead * approach)
@@ -205,18 +209,33 @@ class RigidContact:
         ids, there, radius, rows = self._chosen
         if ids is p.id and (pose is None or not pose.way(there, radius) > 0.5 * self.skin):
             return rows
-        x = p.reference_position[: p.owned]
+        rows = self._candidates(p, pose, 0.0)
+        x = p.reference_position[rows]
         gap, _ = self._gap(x, pose)
         near = ~(gap >= _SOON * self.reach + self.skin)  # NaN is near
-        rows = np.flatnonzero(near | getattr(p, self.spring).any(axis=1) | getattr(p, self.cell).any(axis=1))
-        radius = 0.0 if pose is None else float(np.sqrt(((x - pose.reference) ** 2).sum(axis=1).max(initial=0.0)))
+        near |= getattr(p, self.spring)[rows].any(axis=1) | getattr(p, self.cell)[rows].any(axis=1)
+        rows, gap, x = rows[near], gap[near], x[near]
+        radius = 0.0 if pose is None else _largest_length(p.reference_position[: p.owned] - pose.reference)
         self._chosen = p.id, pose, radius, rows
-        known = np.isfinite(p.reference_position[rows]).all(axis=1)  # the watchdog tells of the others
-        lost = rows[known & ~(gap[rows] >= -_LOST * self.reach)]
+        known = np.isfinite(x).all(axis=1)  # the watchdog tells of the others
+        lost = np.flatnonzero(known & ~(gap >= -_LOST * self.reach))
         if len(lost):
             deepest = lost[np.argmin(np.nan_to_num(gap[lost], nan=-np.inf))]
-            self.breach = -float(gap[deepest]), p.reference_position[deepest]
+            self.breach = -float(gap[deepest]), x[deepest]
         return rows
+
+    def _candidates(self, p, pose, way):
+        """Rows of all points that are so near that they touch, hold a spring, or may soon, after a `way` m."""
+        lower, upper = self.surface.bounds()
+        if pose is not None:
+            lower, upper = pose.around(lower, upper)
+        margin = _HELD * self.reach + self.skin + way
+        return self._search.near(p, lower - margin, upper + margin)
+
+
+def _largest_length(vectors):
+    """Largest length of vectors (n, d)."""
+    return float(np.sqrt(np.nanmax(square_lengths(vectors), initial=0.0)))
 
 
 @inlined

@@ -20,6 +20,9 @@ class Surface(Protocol):
     def gap(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distance (n,) m of each position (n, d) to the surface, negative inside, and outward normal (n, d)."""
 
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper corner (d,) m of a box that holds it, infinite where it has no end."""
+
     def outline(self, middle: np.ndarray, size: float) -> Outline:
         """How it is drawn; what has no end, as far as `size` m around `middle` (d,)."""
 
@@ -37,6 +40,10 @@ class Plane:
         gap, normal = np.empty(len(position)), np.empty_like(position)
         _plane_gap(position, self.point, self.normal, gap, normal)
         return gap, normal
+
+    def bounds(self):
+        """See `Surface.bounds`."""
+        return unbounded(len(self.point))
 
     def outline(self, middle, size):
         """See `Surface.outline`."""
@@ -68,6 +75,10 @@ class Box:
         normal = np.where(inside[:, None], inside_normal, away / np.where(inside, 1.0, distance)[:, None])
         return np.where(inside, -depth[rows, face], distance), normal
 
+    def bounds(self):
+        """See `Surface.bounds`."""
+        return self.lower, self.upper
+
     def outline(self, middle, size):
         """See `Surface.outline`."""
         corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
@@ -86,6 +97,10 @@ class Disc:
         """See `Surface.gap`; at the very centre the way out is along the first axis."""
         distance, normal = _radial(position - self.center)
         return distance - self.radius, normal
+
+    def bounds(self):
+        """See `Surface.bounds`."""
+        return self.center - self.radius, self.center + self.radius
 
     def outline(self, middle, size):
         """See `Surface.outline`."""
@@ -117,6 +132,12 @@ class Cylinder:
         beyond = np.where(rim > 0.0, np.maximum(end, 0.0), side < end)[:, None]
         normal = (beside * radial + beyond * axial) / np.where(rim > 0.0, rim, 1.0)[:, None]
         return np.where(rim > 0.0, rim, np.maximum(side, end)), normal
+
+    def bounds(self):
+        """See `Surface.bounds`."""
+        along = np.arange(3) == self.axis
+        lower = self.base - np.where(along, 0.0, self.radius)
+        return lower, self.base + np.where(along, self.height, self.radius)
 
     def outline(self, middle, size):
         """See `Surface.outline`."""
@@ -151,6 +172,12 @@ class Cone:
         normal[:, 2] = flat[:, 1]
         return gap, normal
 
+    def bounds(self):
+        """See `Surface.bounds`."""
+        radius, top = self.profile.max(axis=0)
+        side = np.array([radius, radius, 0.0])
+        return self.tip - side, self.tip + side + [0.0, 0.0, top]
+
     def outline(self, middle, size):
         """See `Surface.outline`."""
         points, cells = _revolved(self.profile)
@@ -179,6 +206,13 @@ class Polyline:
         _polyline_gap(position, self.start, self.edge, self.convex, self.closed, gap, normal)
         return gap, normal
 
+    def bounds(self):
+        """See `Surface.bounds`; a basin has no end."""
+        x, y = self.start.T
+        if not self.closed or (x * np.roll(y, -1) - np.roll(x, -1) * y).sum() > 0.0:
+            return unbounded(2)
+        return self.start.min(axis=0), self.start.max(axis=0)
+
     def outline(self, middle, size):
         """See `Surface.outline`."""
         points = np.concatenate([self.start, [self.start[-1] + self.edge[-1]]])
@@ -187,6 +221,11 @@ class Polyline:
                 direction = edge / np.sqrt((edge**2).sum())
                 points[end] += max(size + (middle - points[end]) @ direction, 0.0) * direction
         return points, [(POLY_LINE, range(len(points)))]
+
+
+def unbounded(dimension: int) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (d,) of a box without end."""
+    return np.full(dimension, -np.inf), np.full(dimension, np.inf)
 
 
 def _revolved(profile):

@@ -4,6 +4,7 @@ import numpy as np
 from mpi4py import MPI
 
 from periporo.contact.faces import Faces
+from periporo.contact.search import Search
 from periporo.contact.touching import Touching
 from periporo.core.correspondence.balance import balance, tilt_field
 from periporo.core.correspondence.bond_projected import BondProjected
@@ -85,7 +86,9 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
     if water is not None:
         water.attach(sim)
         sim.point_processes.append(water)
-    contacts = [(c, build_contact(scene, c, k, sim)) for k, c in enumerate(scene.contacts) if c.type != "bodies"]
+    rigid = [(k, c) for k, c in enumerate(scene.contacts) if c.type != "bodies"]
+    search = Search()
+    contacts = [(c, build_contact(scene, c, k, sim, search)) for k, c in rigid]
     faces = Faces(sim)
     between = _between_bodies(scene, faces, sim)
     for contact in (*(c for _, c in contacts), *between.values()):

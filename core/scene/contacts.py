@@ -7,6 +7,7 @@ import numpy as np
 from periporo.contact.bodies import BodiesContact
 from periporo.contact.repulsion import Repulsion
 from periporo.contact.rigid import RigidContact
+from periporo.contact.search import Search
 from periporo.contact.short_range_published import ShortRangePublished
 from periporo.core.correspondence.influence import influences
 from periporo.core.scene.obstacles import build_obstacle
@@ -19,8 +20,8 @@ _UNKNOWN = 0.5  # the same where the surface is that of a file's points
 _PUSHED_OUT = 0.6  # the same when relaxation begins
 
 
-def build_contact(scene, model, number: int, sim):
-    """The contact that entry `number` of the scene's contacts describes."""
+def build_contact(scene, model, number: int, sim, search: Search):
+    """The contact that entry `number` of the scene's contacts describes; obstacles share a `search`."""
     spacing = scene.spacing
     if model.type == "short_range_published":
         substrate = model.substrate
@@ -31,7 +32,7 @@ def build_contact(scene, model, number: int, sim):
     stiffness = model.stiffness
     if stiffness is None:
         stiffness = max(_p_wave_modulus(m) for m in sim.materials) / spacing
-    return build_obstacle(scene, model, number, sim, stiffness)
+    return build_obstacle(scene, model, number, sim, stiffness, search)
 
 
 def build_bodies_contact(scene, models, faces, sim) -> BodiesContact:

@@ -9,6 +9,7 @@ from periporo.contact.free import Free
 from periporo.contact.motion import Motion, Prescribed
 from periporo.contact.reaction import Feelers, Reaction
 from periporo.contact.rigid import FAR, RigidContact
+from periporo.contact.search import Search
 from periporo.contact.terrain import HeightField, TriangleSurface
 from periporo.core.numerics.histories import Course
 from periporo.core.scene.boundaries import corrected
@@ -16,8 +17,8 @@ from periporo.io.geometry.meshes import read_mesh
 from periporo.io.geometry.rasters import read_raster
 
 
-def build_obstacle(scene, model, number: int, sim, stiffness: float) -> RigidContact:
-    """The contact with the obstacle of entry `number`; `stiffness` N/m^3."""
+def build_obstacle(scene, model, number: int, sim, stiffness: float, search: Search) -> RigidContact:
+    """The contact with the obstacle of entry `number`; `stiffness` N/m^3. All share a `search`."""
     area = scene.spacing ** (scene.dimension - 1)
     free = getattr(model, "free", None)
     motion, feelers, about = None, None, reference(model, scene.dimension)
@@ -34,6 +35,7 @@ def build_obstacle(scene, model, number: int, sim, stiffness: float) -> RigidCon
     return RigidContact(
         str(number), surface_of(model, sim), spacing=scene.spacing, skin=sim.largest_skin, stiffness=stiffness * area,
         friction=model.friction, damping=model.damping, motion=motion, reaction=reaction, feelers=feelers,
+        search=search,
     )  # fmt: skip
 
 
