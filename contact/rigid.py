@@ -21,8 +21,12 @@ mass than its point, and its damping would need shorter steps.
 
 import numpy as np
 
+from periporo.contact.motion import Motion, Pose, velocity_between
+from periporo.contact.reaction import Feelers, Reaction
+from periporo.contact.search import Search
 from periporo.contact.surfaces import Surface
 from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.numerics.tensors import square_lengths
 from periporo.core.points.faces import add_face_force, face_velocity
 from periporo.core.points.forces import CONTACT, RECOVERY, ForceChannels
 from periporo.core.points.particles import Field, Particles
@@ -31,6 +35,7 @@ _LOOKS = 100  # along the way of an obstacle
 _HASTE = 1.5  # times the present speed, which points may reach before they are looked at again
 _SOON = 1.5  # reaches within which a point counts as one that may touch soon
 _OFF = 0.2  # reaches
+_HELD = 4.0  # reaches, beyond which no point holds a spring, or a memory of being squeezed
 _MEMORY = 0.1  # strain in which a cell forgets its stretch
 _WHOLE = 1.4  # reaches up to which the lever is the distance from the surface; it is 0 at 2
 FAR = 8.0
@@ -42,13 +47,18 @@ _LOST = 1.0  # reaches behind a surface from which on a point has passed through
 class RigidContact:
     """Contact of all points with one rigid surface.
 
-    `stiffness` N/m per point, `friction` coefficient, `damping` share of critical damping along the normal,
-    `velocity` (d,) m/s of the obstacle, which is where its surface says when it appears. Only points that were within
-    the contact's reach plus `skin` m when the neighbours were found are looked at. Needs the force channels
+    `stiffness` N/m per point, `friction` coefficient, `damping` share of critical damping along the normal; `motion` of
+    the obstacle, which is where its surface says when it appears, and stands without. `reaction` adds up what the
+    obstacle bears, if that is told; `feelers` of a free obstacle are where it feels others. Only points that were
+    within the contact's reach plus `skin` m when the neighbours were found are looked at. Needs the force channels
     `contact` and `friction`.
     """
 
-    def __init__(self, name, surface: Surface, *, spacing, skin, stiffness, friction, damping=0.0, velocity=None):
+    def __init__(
+        self, name, surface: Surface, *, spacing, skin, stiffness, friction, damping=0.0,
+        motion: Motion | None = None, reaction: Reaction | None = None, feelers: Feelers | None = None,
+        search: Search | None = None,
+    ):  # fmt: skip
         self.name = name
         self.surface = surface
         self.reach = 0.5 * spacing
@@ -56,11 +66,13 @@ class RigidContact:
         self.stiffness = stiffness
         self.friction = friction
         self.damping = damping
-        self.velocity = velocity
+        self.motion, self.reaction, self.feelers = motion, reaction, feelers
+        self._search = Search() if search is None else search
         self.spring, self.cell = f"contact_spring_{name}", f"contact_cell_{name}"
         self._time: float | None = None
-        self._since = 0.0  # s, when it appeared
-        self._chosen = None, None, None  # point ids, obstacle's shift, rows near it
+        self.pose: Pose | None = None  # at that time; None if it stands
+        self.pose_before: Pose | None = None  # at the start of that step
+        self._chosen: tuple = None, None, 0.0, None  # point ids, pose, m around it with all points, rows near it
         self.breach: tuple[float, np.ndarray] | None = None  # how far behind the surface a point got, m, and where
 
     def attach(self, p: Particles, forces: ForceChannels) -> None:
@@ -81,24 +93,55 @@ class RigidContact:
 
     def appear(self, p: Particles, time: float, before: list) -> None:
         """Begin to act, where its entry says."""
-        self._since = time
+        if self.motion is not None:
+            self.motion.appear(time)
+            self._time = time
+            self.pose = self.pose_before = self.motion.pose(time)
 
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Add normal and friction force; velocities are those of the middle of the step."""
-        shift = self._shift(p, time)
-        rows = self._near(p, shift)
-        # while relaxation holds the time, the obstacle stands still
-        still = self.velocity is None or time == self._time
-        obstacle = np.zeros(p.dimension) if still else self.velocity
-        self._time = time
-        if len(rows) == 0:
-            return
-        gap, normal = self.surface.gap(p.position[rows] - shift)
-        _contact_force(
-            rows, gap, np.ascontiguousarray(normal), p.velocity, p.gradient, p.share, obstacle, p.mass, dt, self.reach,
-            self.stiffness, self.friction, self.damping, getattr(p, self.spring), getattr(p, self.cell),
-            p.contact_force, p.contact_moment, p.friction_force, p.friction_moment, p.work, p.dim,
-        )  # fmt: skip
+        self._advance(time, dt)
+        before = self.pose_before
+        rows = self._near(p, self.pose)
+        if self.reaction is not None:
+            self.reaction.watch(p, rows)
+        if len(rows):
+            x = p.position[rows]
+            gap, normal = self._gap(x, self.pose)
+            obstacle = np.zeros_like(x) if before is None else velocity_between(before, self.pose, dt, x)
+            _contact_force(
+                rows, gap, np.ascontiguousarray(normal), p.velocity, p.gradient, p.share, obstacle, p.mass, dt,
+                self.reach, self.stiffness, self.friction, self.damping, getattr(p, self.spring),
+                getattr(p, self.cell), p.contact_force, p.contact_moment, p.friction_force, p.friction_moment, p.work,
+                p.dim,
+            )  # fmt: skip
+        if self.reaction is not None:
+            self.reaction.take(p, rows, before, self.pose, dt)
+
+    def _advance(self, time, dt):
+        """Move the obstacle to its place at the end of the step; while relaxation holds the time, it stands still."""
+        if self.motion is not None:
+            self.pose_before = self.pose
+            if time != self._time:
+                self._time, self.pose = time, self.motion.advance(time, dt)
+
+    def gap(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Gap (n,) m of positions (n, d) to the obstacle where it is now, and normal (n, d) of its surface."""
+        return self._gap(position, self.pose)
+
+    def frequency(self, comm, p: Particles, time: float, ahead: float) -> float:
+        """Frequency (rad/s), at most, with which a free obstacle swings on what it touches now or may in `ahead` s."""
+        if self.feelers is None:
+            return 0.0
+        held = comm.allreduce(len(self._held(p, time, ahead)[0]))
+        stiffness = held * self.stiffness + len(self.feelers.places) * self.feelers.stiffness
+        return float(np.sqrt(stiffness * self.motion.softness()))
+
+    def _gap(self, position, pose):
+        if pose is None:
+            return self.surface.gap(position)
+        gap, normal = self.surface.gap(pose.entered(position))
+        return gap, pose.directed(normal)
 
     def add_stiffness(self, p: Particles, time: float, ahead: float, stiffness: np.ndarray) -> None:
         """Add the contact's stiffness (N/m) to `stiffness` (owned,) of the points that it holds, or may `ahead` (s)."""
@@ -117,12 +160,12 @@ class RigidContact:
 
     def _held(self, p, time, ahead):
         """Rows of the points that it holds, or may within the time `ahead` (s), with gaps and normals."""
-        shift = self._shift(p, time)
-        velocity = p.velocity[: p.owned] if self.velocity is None else p.velocity[: p.owned] - self.velocity
-        margin = (_SOON - 1.0) * self.reach
-        fast = _HASTE * ahead * np.sqrt((velocity**2).sum(axis=1).max(initial=0.0)) > margin
-        rows = np.arange(p.owned) if fast else self._near(p, shift)
-        gap, normal = self.surface.gap(p.position[rows] - shift)
+        pose, x, velocity = self._pose_at(time), p.position[: p.owned], p.velocity[: p.owned]
+        if pose is not None and self.motion is not None:
+            velocity = velocity - velocity_between(pose, self.motion.pose(time + ahead), ahead, x)
+        margin, way = (_SOON - 1.0) * self.reach, _HASTE * ahead * _largest_length(velocity)
+        rows = self._candidates(p, pose, way) if way > margin else self._near(p, pose)
+        gap, normal = self._gap(x[rows], pose)
         approach = -(velocity[rows] * normal).sum(axis=1)
         soon = gap - self.reach < np.maximum(margin, _HASTE * ahead * approach)
         held = soon | (getattr(p, self.cell)[rows, 1] > 0.0)
@@ -130,16 +173,18 @@ class RigidContact:
 
     def outline(self, p: Particles, time: float, middle: np.ndarray, size: float):
         """How the obstacle is drawn at this time, see `Surface.outline`."""
-        shift = self._shift(p, time)
-        points, cells = self.surface.outline(middle - shift, size)
-        return points + shift, cells
+        pose = self._pose_at(time)
+        if pose is None:
+            return self.surface.outline(middle, size)
+        points, cells = self.surface.outline(pose.entered(middle[None])[0], size)
+        return pose.left(points), cells
 
     def will_push(self, p: Particles, time: float, until: float) -> bool:
         """Whether the obstacle moves, and meets a point of this rank where it is now before the time `until`."""
-        if self.velocity is None:
+        if self.motion is None:
             return False
         x = p.position[: p.owned]
-        gaps = (self.surface.gap(x - self._shift(p, t))[0] for t in np.linspace(time, until, _LOOKS))
+        gaps = (self._gap(x, self.motion.pose(t))[0] for t in np.linspace(time, until, _LOOKS))
         return any(gap.min(initial=np.inf) < self.reach for gap in gaps)
 
     def within_reach(self, p: Particles, time: float) -> np.ndarray:
@@ -148,30 +193,53 @@ class RigidContact:
 
     def memory(self) -> dict:
         """What a checkpoint keeps."""
-        return {"time": self._time, "since": self._since}
+        parts = {"motion": self.motion, "reaction": self.reaction}
+        return {"time": self._time} | {name: part.memory() for name, part in parts.items() if part is not None}
 
     def recall(self, memory: dict) -> None:
         """Go on from there."""
-        self._time, self._since = memory["time"], memory["since"]
+        self._time = memory["time"]
+        if self.motion is not None:
+            self.motion.recall(memory["motion"])
+            self.pose = self.pose_before = None if self._time is None else self.motion.pose(self._time)
+        if self.reaction is not None:
+            self.reaction.recall(memory["reaction"])
 
-    def _shift(self, p, time):
-        return np.zeros(p.dimension) if self.velocity is None else (time - self._since) * self.velocity
+    def _pose_at(self, time):
+        return None if self.motion is None else self.motion.pose(time)
 
-    def _near(self, p, shift):
+    def _near(self, p, pose):
         """Rows that may touch before points or obstacle have moved half of the skin, or that did."""
-        ids, there, rows = self._chosen
-        if ids is p.id and (self.velocity is None or not ((shift - there) ** 2).sum() > (0.5 * self.skin) ** 2):
+        ids, there, radius, rows = self._chosen
+        if ids is p.id and (pose is None or not pose.way(there, radius) > 0.5 * self.skin):
             return rows
-        gap, _ = self.surface.gap(p.reference_position[: p.owned] - shift)
+        rows = self._candidates(p, pose, 0.0)
+        x = p.reference_position[rows]
+        gap, _ = self._gap(x, pose)
         near = ~(gap >= _SOON * self.reach + self.skin)  # NaN is near
-        rows = np.flatnonzero(near | getattr(p, self.spring).any(axis=1) | getattr(p, self.cell).any(axis=1))
-        self._chosen = p.id, shift, rows
-        known = np.isfinite(p.reference_position[rows]).all(axis=1)  # the watchdog tells of the others
-        lost = rows[known & ~(gap[rows] >= -_LOST * self.reach)]
+        near |= getattr(p, self.spring)[rows].any(axis=1) | getattr(p, self.cell)[rows].any(axis=1)
+        rows, gap, x = rows[near], gap[near], x[near]
+        radius = 0.0 if pose is None else _largest_length(p.reference_position[: p.owned] - pose.reference)
+        self._chosen = p.id, pose, radius, rows
+        known = np.isfinite(x).all(axis=1)  # the watchdog tells of the others
+        lost = np.flatnonzero(known & ~(gap >= -_LOST * self.reach))
         if len(lost):
             deepest = lost[np.argmin(np.nan_to_num(gap[lost], nan=-np.inf))]
-            self.breach = -float(gap[deepest]), p.reference_position[deepest]
+            self.breach = -float(gap[deepest]), x[deepest]
         return rows
+
+    def _candidates(self, p, pose, way):
+        """Rows of all points that are so near that they touch, hold a spring, or may soon, after a `way` m."""
+        lower, upper = self.surface.bounds()
+        if pose is not None:
+            lower, upper = pose.around(lower, upper)
+        margin = _HELD * self.reach + self.skin + way
+        return self._search.near(p, lower - margin, upper + margin)
+
+
+def _largest_length(vectors):
+    """Largest length of vectors (n, d)."""
+    return float(np.sqrt(np.nanmax(square_lengths(vectors), initial=0.0)))
 
 
 @inlined
@@ -229,9 +297,9 @@ def _contact_force(
         face_velocity(velocity, gradient, i, lever, face)
         approach, own = 0.0, 0.0
         for a in range(d):
-            face[a] -= obstacle[a]
+            face[a] -= obstacle[k, a]
             approach += face[a] * normal[k, a]
-            own += (velocity[i, a] - obstacle[a]) * normal[k, a]
+            own += (velocity[i, a] - obstacle[k, a]) * normal[k, a]
         squeezed = cell[i, 1] + dt * (own - approach)
         kept = 1.0 / (1.0 + dt * _strain_rate(gradient, i, d) / _MEMORY)
         cell[i, 1] = cell[i, 0] + kept * (squeezed - cell[i, 0])

@@ -20,6 +20,9 @@ class Surface(Protocol):
     def gap(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distance (n,) m of each position (n, d) to the surface, negative inside, and outward normal (n, d)."""
 
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper corner (d,) m of a box that holds it, infinite where it has no end."""
+
     def outline(self, middle: np.ndarray, size: float) -> Outline:
         """How it is drawn; what has no end, as far as `size` m around `middle` (d,)."""
 
@@ -37,6 +40,10 @@ class Plane:
         gap, normal = np.empty(len(position)), np.empty_like(position)
         _plane_gap(position, self.point, self.normal, gap, normal)
         return gap, normal
+
+    def bounds(self):
+        """See `Surface.bounds`."""
+        return unbounded(len(self.point))
 
     def outline(self, middle, size):
         """See `Surface.outline`."""
@@ -68,6 +75,10 @@ class Box:
         normal = np.where(inside[:, None], inside_normal, away / np.where(inside, 1.0, distance)[:, None])
         return np.where(inside, -depth[rows, face], distance), normal
 
+    def bounds(self):
+        """See `Surface.bounds`."""
+        return self.lower, self.upper
+
     def outline(self, middle, size):
         """See `Surface.outline`."""
         corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
@@ -77,7 +88,7 @@ class Box:
 
 
 class Disc:
-    """Solid disc in the plane; points stay outside."""
+    """Solid disc in the plane, or sphere in space; points stay outside."""
 
     def __init__(self, center, radius):
         self.center, self.radius = np.asarray(center, float), float(radius)
@@ -87,8 +98,16 @@ class Disc:
         distance, normal = _radial(position - self.center)
         return distance - self.radius, normal
 
+    def bounds(self):
+        """See `Surface.bounds`."""
+        return self.center - self.radius, self.center + self.radius
+
     def outline(self, middle, size):
         """See `Surface.outline`."""
+        if len(self.center) == 3:
+            angle = np.linspace(0.0, np.pi, _AROUND // 4 + 1)
+            points, cells = _revolved(np.column_stack([np.sin(angle), -np.cos(angle)]))
+            return self.center + self.radius * points, cells
         return self.center + self.radius * _circle(), [(POLYGON, range(_AROUND))]
 
 
@@ -114,6 +133,12 @@ class Cylinder:
         normal = (beside * radial + beyond * axial) / np.where(rim > 0.0, rim, 1.0)[:, None]
         return np.where(rim > 0.0, rim, np.maximum(side, end)), normal
 
+    def bounds(self):
+        """See `Surface.bounds`."""
+        along = np.arange(3) == self.axis
+        lower = self.base - np.where(along, 0.0, self.radius)
+        return lower, self.base + np.where(along, self.height, self.radius)
+
     def outline(self, middle, size):
         """See `Surface.outline`."""
         points = np.tile(self.base, (2 * _AROUND, 1))
@@ -122,6 +147,41 @@ class Cylinder:
         around = range(_AROUND)
         sides = [(QUAD, (k, (k + 1) % _AROUND, _AROUND + (k + 1) % _AROUND, _AROUND + k)) for k in around]
         return points, [(POLYGON, around), (POLYGON, range(_AROUND, 2 * _AROUND)), *sides]
+
+
+class Cone:
+    """Solid of revolution about the z axis through `tip` (3,) m, with a `profile` (n, 2) m of radii, heights above it.
+
+    The profile begins and ends on the axis. Its edges are round to a point outside.
+    """
+
+    def __init__(self, tip, profile):
+        self.tip, self.profile = np.asarray(tip, float), np.asarray(profile, float)
+        mirrored = self.profile[1:-1] * [-1.0, 1.0]
+        # clockwise, so that points stay outside
+        self._section = Polyline(np.concatenate([self.profile[::-1], mirrored, self.profile[-1:]]))
+
+    def gap(self, position):
+        """See `Surface.gap`: that of the section through the axis."""
+        relative = position - self.tip
+        height = relative[:, 2].copy()
+        relative[:, 2] = 0.0
+        distance, radial = _radial(relative)
+        gap, flat = self._section.gap(np.column_stack([distance, height]))
+        normal = flat[:, :1] * radial
+        normal[:, 2] = flat[:, 1]
+        return gap, normal
+
+    def bounds(self):
+        """See `Surface.bounds`."""
+        radius, top = self.profile.max(axis=0)
+        side = np.array([radius, radius, 0.0])
+        return self.tip - side, self.tip + side + [0.0, 0.0, top]
+
+    def outline(self, middle, size):
+        """See `Surface.outline`."""
+        points, cells = _revolved(self.profile)
+        return points + self.tip, cells
 
 
 class Polyline:
@@ -146,6 +206,13 @@ class Polyline:
         _polyline_gap(position, self.start, self.edge, self.convex, self.closed, gap, normal)
         return gap, normal
 
+    def bounds(self):
+        """See `Surface.bounds`; a basin has no end."""
+        x, y = self.start.T
+        if not self.closed or (x * np.roll(y, -1) - np.roll(x, -1) * y).sum() > 0.0:
+            return unbounded(2)
+        return self.start.min(axis=0), self.start.max(axis=0)
+
     def outline(self, middle, size):
         """See `Surface.outline`."""
         points = np.concatenate([self.start, [self.start[-1] + self.edge[-1]]])
@@ -154,6 +221,21 @@ class Polyline:
                 direction = edge / np.sqrt((edge**2).sum())
                 points[end] += max(size + (middle - points[end]) @ direction, 0.0) * direction
         return points, [(POLY_LINE, range(len(points)))]
+
+
+def unbounded(dimension: int) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (d,) of a box without end."""
+    return np.full(dimension, -np.inf), np.full(dimension, np.inf)
+
+
+def _revolved(profile):
+    """Outline of what the profile (n, 2), radius and height, makes about the z axis."""
+    points = np.concatenate([np.column_stack([r * _circle(), np.full(_AROUND, z)]) for r, z in profile])
+    ring = np.arange(_AROUND)
+    beside = (ring + 1) % _AROUND
+    strips = [np.column_stack([k + ring, k + beside, k + _AROUND + beside, k + _AROUND + ring])
+              for k in range(0, len(points) - _AROUND, _AROUND)]  # fmt: skip
+    return points, [(QUAD, row) for row in np.concatenate(strips)]
 
 
 def _circle():

@@ -6,6 +6,7 @@ faces, at one that sticks out the nearest, and nothing of the seams of a plane.
 
 import numpy as np
 
+from periporo.contact.surfaces import unbounded
 from periporo.core.numerics.cells import POLYGON, QUAD
 from periporo.core.numerics.heights import height_gap
 from periporo.core.numerics.meshes import TriangleTree, mesh_gap
@@ -33,6 +34,10 @@ class HeightField:
             gap, normal,
         )  # fmt: skip
         return gap, normal
+
+    def bounds(self):
+        """See `Surface.bounds`; it goes on beyond its border."""
+        return unbounded(3)
 
     def outline(self, middle, size):
         """See `Surface.outline`; of a fine grid some of the heights."""
@@ -64,6 +69,10 @@ class TriangleSurface:
             self.reach, self.within, gap, normal,
         )  # fmt: skip
         return gap, normal
+
+    def bounds(self):
+        """See `Surface.bounds`."""
+        return self.tree.corners.min(axis=0) - self.within, self.tree.corners.max(axis=0) + self.within
 
     def outline(self, middle, size):
         """See `Surface.outline`; corners of a fine surface are drawn together."""

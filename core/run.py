@@ -12,6 +12,7 @@ import yaml
 from mpi4py import MPI
 
 from periporo.core.motion import sleep
+from periporo.core.motion.energy import OBSTACLES
 from periporo.core.numerics import jit
 from periporo.core.points import departures, fields
 from periporo.core.points.probes import Probes
@@ -172,16 +173,17 @@ def everywhere(comm, function, *arguments):
 
 def _writer(scene, target, sim, names, probes, overwrite, state):
     declared = {n: (f.columns, f.unit) for n, f in fields.available(sim).items() if n in names}
+    told = {name: unit for part in sim.reactions for name, unit in part.units.items()}
     return ResultWriter(
         target, sim.comm, dimension=scene.dimension, fields=declared, attributes=_attributes(scene, sim),
-        history_units=_history_units() | flow.UNITS | probes.units, overwrite=overwrite,
+        history_units=_history_units() | flow.UNITS | probes.units | told, overwrite=overwrite,
         obstacles=any(hasattr(c, "outline") for stage in sim.stages for c in stage.contacts),
         resume_step=None if state is None else state.memory["simulation"]["step_number"],
     )  # fmt: skip
 
 
 def _history_units():
-    return HistoryObserver.UNITS | departures.UNITS | sleep.UNITS
+    return HistoryObserver.UNITS | departures.UNITS | OBSTACLES | sleep.UNITS
 
 
 def _results(scene, writer, names):

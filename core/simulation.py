@@ -88,6 +88,7 @@ class Simulation:
         self.loads: list = []
         self.inflows: list = []  # of water, at boundaries
         self.observers: list = []
+        self.reactions: list = []  # what obstacles and boundaries bear, with `histories(simulation)`
         self.stages: list[Stage] = []
         self.preparations: list[Callable[[Simulation], None]] = []  # once at the start
         self.guards: list = []  # what may write a checkpoint, stop the run, or take it back: `periporo.core.watch`
@@ -349,7 +350,7 @@ class Simulation:
         self.apply_loads(0.0)
         self.rate_independent = False
         self.bonds.initial_stress = None  # from now on, a row without a past is a point that lands
-        self.ledger = Ledger(self.comm, self.particles, departures=self.departures, sleep=self.sleep)
+        self.ledger = Ledger(self.comm, self.particles, None, self.departures, self.sleep, self.reactions)
         self.dt = self.time_step.choose(self)
 
     def run(self, resumed: bool = False) -> None:

@@ -15,6 +15,9 @@ from periporo.core.points.particles import Field, Particles
 class Motion(ABC):
     """What imposes velocities on points, after both kicks of a step."""
 
+    name = ""
+    """Of the boundary condition that it belongs to, if any."""
+
     end = 0.0
     """When (s) its last history ends; a stage that is to stop at rest waits for it."""
 
@@ -24,6 +27,9 @@ class Motion(ABC):
         A step of `dt` is made shorter where points would go too far.
         """
         velocity[:] = 0.0
+
+    def begin(self) -> None:  # noqa: B027 - not every motion remembers steps
+        """A stage begins: no step has been closed in it."""
 
     @abstractmethod
     def apply(self, p: Particles, time: float, dt: float, closing_step: bool) -> None:
@@ -45,11 +51,13 @@ class PrescribedMotion(Motion):
     takes the kinetic energy of its points exactly, and prescribed components have no error of integration.
     """
 
-    def __init__(self, ids: np.ndarray, velocities: dict[int, Callable[[float, float], float]]):
+    def __init__(self, ids: np.ndarray, velocities: dict[int, Callable[[float, float], float]], name: str = ""):
         self.ids = ids
+        self.name = name  # of the boundary condition that it belongs to
         self.velocities = velocities
         self.end = max((getattr(function, "end", 0.0) for function in velocities.values()), default=0.0)
         self._found = None
+        self._closed: dict[int, tuple[np.ndarray, float, float]] = {}  # axis -> velocities (n,) before, imposed one, dt
 
     def foresee(self, p: Particles, time: float, dt: float, velocity: np.ndarray) -> None:
         """Set the components of `velocity` (owned, d) that it will impose."""
@@ -65,7 +73,8 @@ class PrescribedMotion(Motion):
         rows = self._rows(p)
         for axis, function in self.velocities.items():
             kicked, before = p.velocity[rows, axis], p.previous_velocity[rows, axis]
-            imposed = np.full(len(rows), function(time, dt))
+            speed = function(time, dt)
+            imposed = np.full(len(rows), speed)
             mass = p.mass[rows]
             half_step = before if closing_step else imposed
             impulse = 0.5 * (imposed - before) * (imposed + before)
@@ -73,6 +82,29 @@ class PrescribedMotion(Motion):
             booked = (kicked - before) ** 2 if closing_step else -((imposed - before) ** 2)  # by the kick, or the drift
             p.work[rows, INTEGRATION] -= 0.5 * mass * booked
             p.velocity[rows, axis] = imposed
+            if closing_step:
+                self._closed[axis] = kicked, speed, dt
+
+    def begin(self) -> None:
+        """A stage begins: no step has been closed in it."""
+        self._closed = {}
+
+    def reactions(self, p: Particles, forces: ForceChannels) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What it did to its points at the end of the last step: rows (n,), forces (n, d) N and powers (n,) W.
+
+        Before the first step of a stage, what holds up the other forces.
+        """
+        rows = self._rows(p)
+        force, power = np.zeros((len(rows), p.dimension)), np.zeros(len(rows))
+        others = forces.total()[rows]
+        for axis in self.velocities:
+            if axis in self._closed:
+                kicked, speed, dt = self._closed[axis]
+                force[:, axis] = p.mass[rows] * (speed - kicked) / (0.5 * dt)
+                power += speed * force[:, axis]
+            else:
+                force[:, axis] = -others[:, axis]
+        return rows, force, power
 
     def hold_zero(self, p: Particles, free: np.ndarray) -> None:
         """Set the prescribed components of `free` (owned, d) to zero."""
@@ -96,7 +128,7 @@ def without_overlaps(motions: list[PrescribedMotion]) -> list[PrescribedMotion]:
             others = taken.get(axis, np.empty(0, np.int64))
             ids = np.setdiff1d(motion.ids, others, assume_unique=True)
             taken[axis] = np.union1d(others, ids)
-            separate.append(PrescribedMotion(ids, {axis: velocity}))
+            separate.append(PrescribedMotion(ids, {axis: velocity}, motion.name))
     return separate[::-1]
 
 

@@ -8,6 +8,8 @@ A load on a face (`periporo.core.points.faces`) acts in part through the interna
 step is taken from the internal work and given to the load's channel, so that each has the work of its own.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 from mpi4py import MPI
 
@@ -19,19 +21,24 @@ from periporo.core.points.forces import FLOW_WORK, WORK
 from periporo.core.points.particles import Particles
 from periporo.core.ranks.reductions import exact_sum
 
+OBSTACLES = {"obstacle_work": "J"}
+"""What the ledger says of obstacles that move, with units."""
+
 
 class Ledger:
     """Energies of the whole scene in J, the same for any number of ranks."""
 
     def __init__(
         self, comm, particles: Particles, initial_kinetic: float | None = None, departures: Departures | None = None,
-        sleep: Sleep | None = None,
+        sleep: Sleep | None = None, reactions: Iterable = (),
     ):  # fmt: skip
         """`initial_kinetic` J, the present one if not given.
 
-        `departures` of a scene that points may leave, `sleep` of one where they may.
+        `departures` of a scene that points may leave, `sleep` of one where they may; `reactions` with a `work` (2,) J
+        that moving obstacles gave to points through contact and friction.
         """
         self.departures, self.sleep = departures, sleep
+        self._obstacles = [r for r in reactions if getattr(r, "motion", None) is not None]
         self._comm = comm
         self._particles = particles
         self.initial_kinetic = self.kinetic() if initial_kinetic is None else initial_kinetic
@@ -77,13 +84,16 @@ class Ledger:
         if self.sleep is not None:
             gained += self.sleep.set_aside
             gone |= {"set_aside_energy": self.sleep.set_aside, "asleep": self.sleep.share}
+        given = np.zeros(2) + sum(r.work for r in self._obstacles)
+        if self._obstacles:
+            gone |= dict.fromkeys(OBSTACLES, float(given.sum()))
         return {
             "kinetic_energy": float(sums[0]),
             "internal_energy": -work["internal"],
             "external_work": work["external"],
-            "contact_energy": -work["contact"],
+            "contact_energy": float(given[0]) - work["contact"],
             "recovery_work": work["recovery"],
-            "friction_dissipation": -work["friction"],
+            "friction_dissipation": float(given[1]) - work["friction"],
             "damping_dissipation": -work["damping"],
             "prescribed_work": work["prescribed"],
             "integration_term": work["integration"],

@@ -49,6 +49,8 @@ class Stage(ABC):
             for contact in self.contacts:
                 if contact not in before:
                     contact.appear(sim.particles, sim.time, before)
+            for motion in self.prescribed_motions:
+                motion.begin()
             sim.time_step.expire()
             former = sim.stages[sim.stage_number - 1].loads if sim.stage_number else []
             for load in self.loads:

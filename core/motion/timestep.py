@@ -72,7 +72,9 @@ class StableTimeStep:
         if local == 0.0:
             message = "no point has a bond or a contact, so nothing limits the step; give a fixed one"
             raise InputError("scene", [Problem(("time_step", "fixed"), message)])
-        frequency = self.ratio * local
+        bodies = (c.frequency(sim.comm, sim.particles, sim.time, self.interval * sim.dt) for c in sim.contacts
+                  if hasattr(c, "frequency"))  # fmt: skip
+        frequency = math.hypot(self.ratio * local, max(bodies, default=0.0))
         return self.reduction * min(self.safety, damped_limit(sim, frequency)) * 2.0 / frequency
 
     def memory(self) -> dict:

@@ -43,31 +43,41 @@ def exact_sum(comm: MPI.Comm, values: np.ndarray) -> np.ndarray:
     exact and the result the same for any distribution; its relative error is below 1e-25 of the largest
     value times the count. NaN or infinity in a column makes its sum NaN.
     """
-    values = np.asarray(values, dtype=np.float64)
-    if values.ndim == 1:
-        values = values[:, None]
-    columns = values.shape[1]
-    values = np.ascontiguousarray(values)
-    largest = np.zeros(columns, np.int64)
-    _largest_bits(values.view(np.int64), largest)
+    return exact_sums(comm, [values])[0]
+
+
+def exact_sums(comm: MPI.Comm, tables: list[np.ndarray]) -> list[np.ndarray]:
+    """`exact_sum` of each of the `tables`, which may differ in rows and columns, with the messages of one."""
+    tables = [np.ascontiguousarray(t if t.ndim == 2 else t[:, None], np.float64) for t in map(np.asarray, tables)]
+    ends = np.cumsum([t.shape[1] for t in tables])
+    parts = [slice(end - t.shape[1], end) for end, t in zip(ends, tables, strict=True)]
+    largest = np.zeros(ends[-1], np.int64)
+    for part, values in zip(parts, tables, strict=True):
+        _largest_bits(values.view(np.int64), largest[part])
     comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
     largest = largest.view(np.float64)
     spoiled = ~np.isfinite(largest)
     if spoiled.any():
-        values, largest = np.where(spoiled, 0.0, values), np.where(spoiled, 0.0, largest)
-    count = comm.allreduce(len(values))
-    bits = 61 - max(count, 1).bit_length()
+        tables = [np.where(spoiled[part], 0.0, values) for part, values in zip(parts, tables, strict=True)]
+        largest = np.where(spoiled, 0.0, largest)
+    counts = np.array([len(t) for t in tables])
+    comm.Allreduce(MPI.IN_PLACE, counts, MPI.SUM)
     exponent = np.frexp(largest)[1]
+    bits = np.concatenate([np.full(t.shape[1], 61 - max(int(n), 1).bit_length())
+                           for t, n in zip(tables, counts, strict=True)])  # fmt: skip
     shift = bits - exponent
     factors = np.ldexp(1.0, [shift // 2, shift - shift // 2])  # by halves: the whole one may not be a number
-    words = np.zeros((2, columns), np.int64)
-    _add_words(values, factors, 2.0**bits, words)
+    words = np.zeros((2, ends[-1]), np.int64)
+    for part, values in zip(parts, tables, strict=True):
+        own = np.zeros((2, values.shape[1]), np.int64)
+        _add_words(values, np.ascontiguousarray(factors[:, part]), 2.0 ** float(bits[part.start]), own)
+        words[:, part] = own
     comm.Allreduce(MPI.IN_PLACE, words, MPI.SUM)
-    result = np.empty(columns)
-    for c in range(columns):
-        whole = (int(words[0, c]) << bits) + int(words[1, c])  # exact, rounded once below
-        result[c] = math.nan if spoiled[c] else _to_float(whole, int(exponent[c]) - 2 * bits)
-    return result
+    result = np.empty(ends[-1])
+    for c in range(ends[-1]):
+        whole = (int(words[0, c]) << int(bits[c])) + int(words[1, c])  # exact, rounded once below
+        result[c] = math.nan if spoiled[c] else _to_float(whole, int(exponent[c]) - 2 * int(bits[c]))
+    return [result[part] for part in parts]
 
 
 def inner(comm: MPI.Comm, a: np.ndarray, b: np.ndarray) -> float:

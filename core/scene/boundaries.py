@@ -28,9 +28,9 @@ def build_boundary(
     if boundary.water is not None:
         return _water_at_faces(scene, ids, boundary.water)
     if boundary.fix:
-        return PrescribedMotion(ids, {"xyz".index(a): _standstill for a in boundary.fix})
+        return PrescribedMotion(ids, {"xyz".index(a): _standstill for a in boundary.fix}, name)
     velocities = _velocities(boundary)
-    return PrescribedMotion(ids, velocities if moving else dict.fromkeys(velocities, _standstill))
+    return PrescribedMotion(ids, velocities if moving else dict.fromkeys(velocities, _standstill), name)
 
 
 def _velocities(model):
@@ -82,6 +82,12 @@ def region_corners(region, dimension: int) -> tuple[np.ndarray, np.ndarray]:
 def selected_ids(scene, region, lattices) -> np.ndarray:
     """Ids (n,) of the points that lie in a region at the start, ascending."""
     return np.sort(np.concatenate([ids for _, ids, _ in _selected(scene, region, lattices)]))
+
+
+def middle_of(scene, region, lattices) -> np.ndarray:
+    """Middle (d,) m of the box around the points that lie in a region at the start."""
+    places = np.concatenate([place for *_, place in _selected(scene, region, lattices)])
+    return 0.5 * (places.min(axis=0) + places.max(axis=0)) if len(places) else np.zeros(scene.dimension)
 
 
 def _selected(scene, region, lattices):

@@ -4,6 +4,8 @@ import numpy as np
 from mpi4py import MPI
 
 from periporo.contact.faces import Faces
+from periporo.contact.search import Search
+from periporo.contact.touching import Touching
 from periporo.core.correspondence.balance import balance, tilt_field
 from periporo.core.correspondence.bond_projected import BondProjected
 from periporo.core.correspondence.point_state import PointState
@@ -12,6 +14,7 @@ from periporo.core.correspondence.sub_horizon import SubHorizon
 from periporo.core.correspondence.sub_horizon_published import SubHorizonPublished
 from periporo.core.loads.absorbing import Absorbing
 from periporo.core.loads.boundary import Gravity, PrescribedMotion, Traction, ViscousDamping, without_overlaps
+from periporo.core.loads.reactions import BoundaryReaction
 from periporo.core.motion.dissipation import PlasticDissipation, reports
 from periporo.core.motion.sleep import Sleep
 from periporo.core.motion.stages import DynamicsStage, RelaxStage
@@ -20,7 +23,7 @@ from periporo.core.points import fields
 from periporo.core.points.departures import Departures
 from periporo.core.points.extent import Extent
 from periporo.core.points.particles import Particles
-from periporo.core.scene.boundaries import build_boundary, hold, region_corners
+from periporo.core.scene.boundaries import build_boundary, hold, middle_of, region_corners
 from periporo.core.scene.construction import bodies_at_start, build_constructions
 from periporo.core.scene.contacts import (
     build_bodies_contact,
@@ -36,6 +39,7 @@ from periporo.core.scene.grounds import share_grounds
 from periporo.core.scene.points import PointMaker
 from periporo.core.scene.water import build_water, wetted
 from periporo.core.simulation import Simulation
+from periporo.core.watch.reactions import Reactions
 from periporo.core.watch.strength import StrengthReductionStage
 from periporo.core.water.boundaries import WaterBoundary
 from periporo.errors import InputError, Problem
@@ -86,7 +90,9 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
     if water is not None:
         water.attach(sim)
         sim.point_processes.append(water)
-    contacts = [(c, build_contact(scene, c, k, sim)) for k, c in enumerate(scene.contacts) if c.type != "bodies"]
+    rigid = [(k, c) for k, c in enumerate(scene.contacts) if c.type != "bodies"]
+    search = Search()
+    contacts = [(c, build_contact(scene, c, k, sim, search)) for k, c in rigid]
     faces = Faces(sim)
     between = _between_bodies(scene, faces, sim)
     for contact in (*(c for _, c in contacts), *between.values()):
@@ -126,9 +132,22 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
         for load in built.loads:
             if isinstance(load, Traction):
                 load.attach(particles, sim.forces, sim.point_processes)
+    _tell_reactions(scene, sim, [c for _, c in contacts], lattices)
     if sim.stages:
         sim.contacts, sim.loads = sim.stages[0].contacts, sim.stages[0].loads
     return sim
+
+
+def _tell_reactions(scene, sim, contacts, lattices):
+    """Have what obstacles and boundaries bear added up and told."""
+    told = [c for c in contacts if getattr(c, "reaction", None) is not None]
+    if told:
+        sim.observers.append(Reactions(told, Touching() if any(c.feelers for c in told) else None))
+    sim.reactions = [c.reaction for c in told]
+    for name, boundary in scene.boundaries.items():
+        if boundary.holds:
+            middle = middle_of(scene, boundary.where, lattices)
+            sim.reactions.append(BoundaryReaction(name, middle))
 
 
 def _bodies_models(scene, stage):

@@ -4,16 +4,14 @@ from itertools import combinations
 
 import numpy as np
 
-from periporo.contact import surfaces
 from periporo.contact.bodies import BodiesContact
 from periporo.contact.repulsion import Repulsion
-from periporo.contact.rigid import FAR, RigidContact
+from periporo.contact.rigid import RigidContact
+from periporo.contact.search import Search
 from periporo.contact.short_range_published import ShortRangePublished
-from periporo.contact.terrain import HeightField, TriangleSurface
 from periporo.core.correspondence.influence import influences
+from periporo.core.scene.obstacles import build_obstacle
 from periporo.errors import InputError, Problem, place_text
-from periporo.io.geometry.meshes import read_mesh
-from periporo.io.geometry.rasters import read_raster
 
 _TOUCH = 0.01  # spacings by which cells and obstacles may overlap when motion begins
 _SOFTER = 0.5  # stiffness of two bodies' contact over that of a layer of points
@@ -22,8 +20,8 @@ _UNKNOWN = 0.5  # the same where the surface is that of a file's points
 _PUSHED_OUT = 0.6  # the same when relaxation begins
 
 
-def build_contact(scene, model, number: int, sim):
-    """The contact that entry `number` of the scene's contacts describes."""
+def build_contact(scene, model, number: int, sim, search: Search):
+    """The contact that entry `number` of the scene's contacts describes; obstacles share a `search`."""
     spacing = scene.spacing
     if model.type == "short_range_published":
         substrate = model.substrate
@@ -34,14 +32,7 @@ def build_contact(scene, model, number: int, sim):
     stiffness = model.stiffness
     if stiffness is None:
         stiffness = max(_p_wave_modulus(m) for m in sim.materials) / spacing
-    law = {
-        "stiffness": stiffness * spacing ** (scene.dimension - 1),
-        "friction": model.friction,
-        "damping": model.damping,
-    }
-    velocity = None if model.velocity is None else scene.vector(model.velocity)
-    law |= {"spacing": spacing, "skin": sim.largest_skin, "velocity": velocity}
-    return RigidContact(str(number), _surface(model, sim), **law)
+    return build_obstacle(scene, model, number, sim, stiffness, search)
 
 
 def build_bodies_contact(scene, models, faces, sim) -> BodiesContact:
@@ -156,29 +147,6 @@ def build_repulsion(sim) -> Repulsion:
     closest = influences(np.array([1.0 - distance / sim.scheme.horizon]), sim.scheme.table)[0]
     stiffness = 0.01 * modulus * sim.spacing ** (sim.particles.dimension - 2)
     return Repulsion(sim.bonds.pairs, distance=distance, stiffness=stiffness, closest=closest)
-
-
-def _surface(model, sim) -> surfaces.Surface:
-    match model.type:
-        case "plane":
-            return surfaces.Plane(model.point, model.normal)
-        case "box":
-            return surfaces.Box(model.lower, model.upper)
-        case "disc":
-            return surfaces.Disc(model.center, model.radius)
-        case "cylinder":
-            return surfaces.Cylinder(model.base, "xyz".index(model.axis), model.radius, model.height)
-        case "polyline":
-            return surfaces.Polyline(model.vertices)
-        case "terrain":
-            reach, ground = 0.5 * sim.spacing, model.ground
-            near = {"reach": reach, "within": FAR * reach}
-            if ground.is_mesh:
-                return TriangleSurface(read_mesh(ground.file, ground._origin).tree, **near)
-            raster = read_raster(ground)
-            return HeightField(raster.level, raster.corner, raster.cell, **near)
-        case other:
-            raise ValueError(f"no surface for a contact of type '{other}'")
 
 
 def _p_wave_modulus(material):

@@ -10,8 +10,8 @@ from periporo.io.geometry.meshes import Mesh, forget_meshes, keep_mesh, read_mes
 from periporo.io.geometry.rasters import Raster, forget_rasters, keep_raster, read_raster
 from periporo.io.schema.bodies import Mesh as MeshShape
 from periporo.io.schema.bodies import Raster as RasterShape
-from periporo.io.schema.contacts import TerrainContact
 from periporo.io.schema.ground import RasterFile
+from periporo.io.schema.obstacles import TerrainContact
 
 
 def share_grounds(scene, comm) -> None:

@@ -157,6 +157,7 @@ class HistoryObserver(Observer):
             "height": maximum(sim.comm, float(sim.extent.height(x).max(initial=-np.inf))) + half,
             **({} if self.probes is None else self.probes.entries(p)),
             **{n: v for part in sim.point_processes for n, v in getattr(part, "histories", dict)().items()},
+            **{n: v for part in sim.reactions for n, v in part.histories(sim).items()},
         }
         self.writer.append_history(self.latest)
 

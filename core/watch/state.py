@@ -132,7 +132,7 @@ def resume(sim, state: State) -> None:
     sim.bonds.initial_stress = None  # a row without a past is a point that lands
     install(sim, distributed(sim, state))
     initial = state.memory["simulation"]["initial_kinetic"]
-    sim.ledger = Ledger(sim.comm, sim.particles, initial, sim.departures, sim.sleep)
+    sim.ledger = Ledger(sim.comm, sim.particles, initial, sim.departures, sim.sleep, sim.reactions)
 
 
 def distributed(sim, state: State) -> State:

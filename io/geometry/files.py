@@ -14,7 +14,7 @@ from periporo.io.geometry.rasters import GroundFileError, Raster, read_raster
 from periporo.io.geometry.shapes import surface
 from periporo.io.schema.bodies import Mesh, Points
 from periporo.io.schema.bodies import Raster as RasterShape
-from periporo.io.schema.contacts import TerrainContact
+from periporo.io.schema.obstacles import TerrainContact
 from periporo.io.schema.scene import SceneInput
 
 

@@ -11,14 +11,15 @@ from periporo.errors import Path, Problem, choice
 from periporo.io.geometry.checks import geometry_problems
 from periporo.io.schema.base import AccelerationComponents, MotionComponents, Region, SceneModel
 from periporo.io.schema.bodies import Body, Polygon, Raster, StressComponents
-from periporo.io.schema.contacts import Absorb, Boundary, TerrainContact, Traction, WaterAtFaces
+from periporo.io.schema.contacts import Absorb, Boundary, Traction, WaterAtFaces
 from periporo.io.schema.errors import model_problems
+from periporo.io.schema.obstacles import Free, Rotation, TerrainContact
 from periporo.io.schema.scene import POINT_SCHEMES, SceneInput
 from periporo.materials import registry
 
 _DRIFT = 0.05  # of the largest velocity, or displacement, that a record may leave
-_ONLY_IN_2D = ("disc", "polyline")
-_ONLY_IN_3D = ("cylinder", "sphere", "raster", "mesh", "terrain")
+_ONLY_IN_2D = ("disc", "polyline", "wedge")
+_ONLY_IN_3D = ("cylinder", "sphere", "raster", "mesh", "terrain", "cone")
 
 
 def material_problems(data: Any) -> list[Problem]:
@@ -81,7 +82,7 @@ def _dimension_problems(scene: SceneInput) -> Iterator[Problem]:
         for name, info in type(part).model_fields.items():
             value = getattr(part, name)
             extra = info.json_schema_extra
-            if isinstance(extra, dict) and extra.get("vector") and value is not None and len(value) != d:
+            if isinstance(extra, dict) and extra.get("vector") and isinstance(value, tuple) and len(value) != d:
                 yield Problem(
                     (*path, name), f"must have {d} components (the scene's dimension), not {len(value)}"
                 )
@@ -95,6 +96,8 @@ def _dimension_problems(scene: SceneInput) -> Iterator[Problem]:
                 else "must not have 'extrude' in 2 dimensions"
             )
             yield Problem(path, f"a polygon {rule}")
+        if isinstance(part, Rotation) and part.axis is None and d == 3:
+            yield Problem((*path, "axis"), "a rotation in space needs the direction of its axis; give [x, y, z]")
         if d == 2:
             yield from _out_of_plane(path, part)
     for k, point in enumerate(scene.monitor.points):
@@ -107,6 +110,10 @@ def _out_of_plane(path: Path, part: SceneModel) -> Iterator[Problem]:
     message = "there is no z direction in 2 dimensions"
     if isinstance(part, Boundary) and part.fix and "z" in part.fix:
         yield Problem((*path, "fix"), message)
+    if isinstance(part, Rotation) and part.axis is not None:
+        yield Problem((*path, "axis"), "in 2 dimensions all turns from x to y; leave out the axis")
+    if isinstance(part, Free) and "z" in part.hold:
+        yield Problem((*path, "hold"), message)
     if isinstance(part, MotionComponents) and part.z is not None:
         yield Problem((*path, "z"), message)
     if isinstance(part, Absorb | Traction | WaterAtFaces) and part.side is not None and part.side[0] == "z":
@@ -138,6 +145,12 @@ def _name_problems(scene: SceneInput) -> Iterator[Problem]:
                 yield Problem(
                     (key, k, "name"), f"the name '{name}' stands in {key} twice; each needs its own"
                 )
+    told = list(scene.boundaries)
+    for k, contact in enumerate(scene.contacts):
+        name = getattr(contact, "name", None)
+        if name in told:
+            yield Problem(("contacts", k, "name"), f"the name '{name}' stands for another obstacle, or a boundary")
+        told += [name] if name is not None else []
     placed: set[str] = set()
     for k, stage in enumerate(scene.stages):
         for n, name in enumerate(stage.place):
@@ -208,6 +221,10 @@ def _motion_problems(scene: SceneInput) -> Iterator[Problem]:
         if any(body.velocity or ()) and all(stage.type == "relax" for stage in scene.stages):
             message = "would never act, for there is no stage of type 'dynamics'; add one, or leave it out"
             yield Problem(("bodies", k, "velocity"), message)
+    for k, contact in enumerate(scene.contacts):
+        if getattr(contact, "moves", False) and all(stage.type == "relax" for stage in scene.stages):
+            message = "would never move, for there is no stage of type 'dynamics'; add one, or let it stand"
+            yield Problem(("contacts", k), message)
     yield from _record_problems(scene)
     for name, boundary in scene.boundaries.items():
         for axis in "xyz" if boundary.displacement else "":

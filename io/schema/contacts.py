@@ -1,4 +1,4 @@
-"""Input models of boundary conditions and contacts."""
+"""Input models of boundary conditions, and of all contacts."""
 
 from itertools import combinations
 from typing import Annotated, Literal
@@ -6,7 +6,6 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from periporo.io.schema.base import (
-    MAX_LENGTH,
     AccelerationComponents,
     Axis,
     Flag,
@@ -18,14 +17,22 @@ from periporo.io.schema.base import (
     Region,
     SceneModel,
     Stress,
-    Velocity,
     key,
 )
-from periporo.io.schema.bodies import PlanePoint
-from periporo.io.schema.ground import Ground
-
-MAX_STIFFNESS = 1e20
-_CLEARED = "its place is not free at the start, but will be in the stage in which it appears"
+from periporo.io.schema.obstacles import (
+    CLEARED,
+    MAX_STIFFNESS,
+    BoxContact,
+    ConeContact,
+    ContactModel,
+    CylinderContact,
+    DiscContact,
+    PlaneContact,
+    PolylineContact,
+    SphereContact,
+    TerrainContact,
+    WedgeContact,
+)
 
 
 class Traction(SceneModel):
@@ -105,6 +112,11 @@ class Boundary(SceneModel):
     water: WaterAtFaces | None = key("water that enters or leaves", default=None)
     absorb: Absorb | None = key("let waves out", default=None)
 
+    @property
+    def holds(self) -> bool:
+        """Whether it prescribes how points move."""
+        return any((self.fix, self.velocity, self.displacement, self.acceleration))
+
     @model_validator(mode="after")
     def _is_one_kind(self):
         kinds = ("fix", "velocity", "displacement", "acceleration", "traction", "water", "absorb")
@@ -117,100 +129,7 @@ class Boundary(SceneModel):
         return self
 
 
-class _Contact(SceneModel):
-    """What every contact has."""
-
-    friction: Real = key("Coulomb's coefficient of friction", "1", ge=0, le=10)
-    stiffness: Real | None = key(
-        "normal penalty; default: chosen from the material", "N/m^3", default=None, gt=0, le=MAX_STIFFNESS
-    )
-    damping: Real = key("share of critical damping along the normal", "1", default=0.0, ge=0, le=1)
-    stages: tuple[Name, ...] | None = key(
-        "stages in which it is present; default all", default=None, min_length=1
-    )
-    cleared: Flag = key(_CLEARED, default=False)
-
-
-class _Obstacle(_Contact):
-    """A rigid obstacle that may move."""
-
-    velocity: Velocity | None = key(
-        "velocity of the obstacle, which is where its entry says when it appears; default zero", "m/s", default=None,
-        vector=True,
-    )
-
-
-class PlaneContact(_Obstacle):
-    """A rigid half-space; points stay on the side to which the normal points."""
-
-    type: Literal["plane"] = key("kind of contact")
-    point: Position = key("a point of the surface", "m", vector=True, place="point")
-    normal: Position = key("direction out of the obstacle, of any length", "1", vector=True)
-
-    @model_validator(mode="after")
-    def _has_a_direction(self):
-        if max(map(abs, self.normal)) < 1e-6:
-            raise ValueError("the normal must not be zero")
-        return self
-
-
-class BoxContact(_Obstacle):
-    """A rigid box; points stay outside."""
-
-    type: Literal["box"] = key("kind of contact")
-    lower: Position = key("lower corner", "m", vector=True, place="point")
-    upper: Position = key("upper corner", "m", vector=True, place="point")
-
-
-class CylinderContact(_Obstacle):
-    """A rigid circular cylinder along an axis (3D); points stay outside."""
-
-    type: Literal["cylinder"] = key("kind of contact")
-    base: Position = key("centre of the end face with the lowest coordinate", "m", vector=True, place="point")
-    axis: Axis = key("direction of the cylinder's axis")
-    radius: Real = key("radius", "m", gt=0, le=MAX_LENGTH)
-    height: Real = key("length along the axis", "m", gt=0, le=MAX_LENGTH)
-
-
-class DiscContact(_Obstacle):
-    """A rigid disc (2D); points stay outside."""
-
-    type: Literal["disc"] = key("kind of contact")
-    center: Position = key("centre", "m", vector=True, place="point")
-    radius: Real = key("radius", "m", gt=0, le=MAX_LENGTH)
-
-
-class PolylineContact(_Obstacle):
-    """Rigid ground to the right of a polyline (2D): points stay on its left along its vertices.
-
-    Its first and last segment go on forever, unless the last vertex is the first.
-    """
-
-    type: Literal["polyline"] = key("kind of contact")
-    vertices: tuple[PlanePoint, ...] = key(
-        "points [x, y] in order", "m", place="point", min_length=2, max_length=10_000
-    )
-
-    @model_validator(mode="after")
-    def _advances(self):
-        for k, (start, end) in enumerate(zip(self.vertices, self.vertices[1:], strict=False)):
-            if start == end:
-                raise ValueError(f"vertices {k} and {k + 1} are the same point; remove one")
-        return self
-
-
-class TerrainContact(_Obstacle):
-    """Rigid ground from a raster of heights, or a surface of triangles (3D).
-
-    A raster goes on beyond its border with the heights of its border. The outside of an open surface of triangles is
-    where its upward side is, against gravity; that of a closed one is outside.
-    """
-
-    type: Literal["terrain"] = key("kind of contact")
-    ground: Ground = key("the file, or {file, ...}", "m")
-
-
-class BodiesContact(_Contact):
+class BodiesContact(ContactModel):
     """Contact between two deformable bodies, or between all of them; they then bond with no other body.
 
     An entry for two bodies overrules one for all.
@@ -254,7 +173,7 @@ class ShortRangeContact(SceneModel):
     stages: tuple[Name, ...] | None = key(
         "stages in which it is present; default all", default=None, min_length=1
     )
-    cleared: Flag = key(_CLEARED, default=False)
+    cleared: Flag = key(CLEARED, default=False)
 
 
 Contact = Annotated[
@@ -262,6 +181,9 @@ Contact = Annotated[
     | BoxContact
     | CylinderContact
     | DiscContact
+    | SphereContact
+    | WedgeContact
+    | ConeContact
     | PolylineContact
     | TerrainContact
     | BodiesContact

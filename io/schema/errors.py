@@ -87,7 +87,7 @@ def _data_path(location: Path, data: Any) -> Path:
     path: list[str | int] = []
     here, may_be_tag = data, True
     for part in location:
-        if part == "[key]" or (may_be_tag and isinstance(here, dict) and here.get("type") == part):
+        if str(part).startswith("[") or (may_be_tag and isinstance(here, dict) and here.get("type") == part):
             may_be_tag = False
             continue
         path.append(part)
@@ -127,16 +127,16 @@ def _resolved(schema: dict[str, Any], node: Any, value: Any) -> dict[str, Any]:
     if "$ref" in node:
         inner = schema["$defs"][node["$ref"].rsplit("/", 1)[-1]]
         return _resolved(schema, inner, value) | outer
-    if "oneOf" in node:
+    if "oneOf" in node and "discriminator" in node:
         tag = value.get("type") if isinstance(value, dict) else None
         mapping = node.get("discriminator", {}).get("mapping", {})
         if tag not in list(mapping):
             return outer | {"tags": list(mapping)}
         return _resolved(schema, {"$ref": mapping[tag]}, value) | outer
-    for member in node.get("anyOf", []):
+    for member in node.get("anyOf", node.get("oneOf", [])):
         inner = _resolved(schema, member, value)
         fits = ("object",) if isinstance(value, dict) else ("array",) if isinstance(value, list) else _SCALARS
-        if inner.get("type") in fits or "oneOf" in member:
+        if inner.get("type") in fits or "tags" in inner:
             return inner | outer
     return node
 

@@ -29,7 +29,7 @@ CLAY = {
 
 
 def column(scheme="bond_projected", **keys):
-    """A plane column of clay settles between rollers, then falls on a moving floor."""
+    """A plane column of clay settles between rollers, then falls on a moving floor, with a stone and a turning vane."""
     scene = {
         "dimension": 2, "spacing": 0.01, "gravity": [0.0, -20.0], "correspondence": scheme,
         "materials": {"clay": CLAY},
@@ -40,7 +40,11 @@ def column(scheme="bond_projected", **keys):
                        "right": {"where": {"lower": [0.04, None]}, "fix": ["x"]},
                        "load": {"where": {"body": "column"}, "traction": {"stress": [5.0, -20.0], "side": "y+"}}},
         "contacts": [{"type": "plane", "point": [0, 0], "normal": [0, 1], "friction": 0.4, "damping": 0.1,
-                      "velocity": [0.2, 0.0]}],
+                      "velocity": [0.2, 0.0]},
+                     {"type": "disc", "name": "stone", "center": [0.0, 0.171], "radius": 0.02, "friction": 0.3,
+                      "free": {"density": 2500, "velocity": [1.0, -2.0]}},
+                     {"type": "box", "name": "vane", "lower": [0.052, 0.05], "upper": [0.1, 0.06], "friction": 0.3,
+                      "reference": [0.1, 0.055], "rotation": {"rate": 500}}],
         "stages": [{"name": "settle", "type": "relax", "tolerance": 0.1, "max_steps": 500,
                     "boundaries": ["left", "right"]},
                    {"name": "fall", "type": "dynamics", "duration": 0.06, "damping": {"viscous": 0.5},

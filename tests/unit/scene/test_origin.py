@@ -14,7 +14,7 @@ from periporo.io.input.load import parse_scene
 from periporo.io.schema.base import SceneModel
 
 FAR = np.array([500_000.0, 4_000_000.0])
-LENGTHS = {"spacing", "radius", "height", "displacement", "thickness"}
+LENGTHS = {"spacing", "radius", "height", "displacement", "thickness", "width", "length"}
 """Keys in metres that are no places."""
 FILES = {"ground", "surface", "corner", "cell"}
 """Those of rasters, which move when they are read."""

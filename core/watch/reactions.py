@@ -1,0 +1,44 @@
+"""What obstacles and boundaries bear, added up over all ranks at the end of every step."""
+
+from periporo.core.ranks.reductions import exact_sums
+from periporo.core.watch.observers import Observer
+
+
+class Reactions(Observer):
+    """Adds up the reactions of the `obstacles` that are told, with the same bits on any number of ranks.
+
+    The first of the observers: others look at what it fills. `touching` are the contacts between obstacles, by which
+    free ones end their step.
+    """
+
+    def __init__(self, obstacles, touching=None):
+        self.obstacles = list(obstacles)
+        self.touching = touching
+
+    def start_stage(self, sim, stage) -> None:
+        """The forces with which the stage begins; none on what is not there."""
+        self._add_up(sim, 0.0)
+
+    def after_step(self, sim) -> None:
+        """The forces at the end of the step; while relaxation holds the time they have no impulse."""
+        self._add_up(sim, 0.0 if sim.rate_independent else sim.dt)
+
+    def memory(self) -> dict:
+        """The springs between obstacles."""
+        return {} if self.touching is None else {"springs": self.touching.memory()}
+
+    def recall(self, memory: dict) -> None:
+        """Go on from there."""
+        self.touching.recall(memory["springs"])
+
+    def _add_up(self, sim, dt):
+        present = [o for o in self.obstacles if o in sim.contacts]
+        for obstacle in self.obstacles:
+            if obstacle not in present:
+                obstacle.reaction.vanish()
+        if present:
+            sums = exact_sums(sim.comm, [o.reaction.rows for o in present])
+            for obstacle, of_obstacle in zip(present, sums, strict=True):
+                obstacle.reaction.add_up(of_obstacle, dt)
+        if self.touching is not None:
+            self.touching.close(sim.contacts, sim.time, dt)
