@@ -12,12 +12,14 @@ if TYPE_CHECKING:
     from periporo.core.simulation import Simulation
     from periporo.errors import InputError
     from periporo.io.output.results import open_results
+    from periporo.materials.laboratory.drive import drive
 else:
     __getattr__, __dir__ = offer(__name__, {
         "periporo.core.run": ("run",),
         "periporo.core.scene.source": ("Simulation",),
         "periporo.errors": ("InputError",),
         "periporo.io.output.results": ("open_results",),
+        "periporo.materials.laboratory.drive": ("drive",),
     })  # fmt: skip
 
-__all__ = ["InputError", "Simulation", "open_results", "run"]
+__all__ = ["InputError", "Simulation", "drive", "open_results", "run"]

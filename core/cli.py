@@ -18,7 +18,7 @@ TOOLS = {  # word -> module with add_arguments and run, and what it does
     "new": ("periporo.io.input.examples", "list the example scenes, or write one to begin with"),
     "schema": ("periporo.io.schema.reference", "print the JSON Schema of scenes for editors, or the input reference"),
     "materials": ("periporo.io.schema.material_list", "list the installed materials with parameters, units and bounds"),
-    "drive": ("periporo.materials.laboratory.drive", "run one material point along a path"),
+    "drive": ("periporo.materials.laboratory.command", "run one material point along a path"),
 }
 INPUT_ERROR, RUN_ERROR, INTERRUPTED = 2, 3, 130
 
