@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from periporo.core.points.material import Material
-from periporo.errors import InputError, Problem
+from periporo.errors import InputError, Problem, choice
 from periporo.io.input.yaml_source import read_yaml
 from periporo.io.schema.errors import problems_of
 from periporo.materials import registry
@@ -79,6 +79,55 @@ def read_measured(file: str | Path) -> Columns:
             raise InputError(name, [Problem((), message, k)])
         values.append(numbers)
     return dict(zip(header, np.array(values).T, strict=True))
+
+
+_UNITS = {"pa": 1.0, "kpa": 1e3, "kn/m2": 1e3, "mpa": 1e6, "mn/m2": 1e6, "%": 0.01, "mm": 1e-3, "deg": 1.0, "": 1.0}
+"""What numbers of AGS4 files are multiplied by, by their unit."""
+
+
+def read_ags(file: str | Path, group: str, columns: dict[str, str], where: dict[str, str]) -> Columns:
+    """Columns of a group of an AGS4 file in SI units: {column: heading}, of the rows with the values of `where`.
+
+    What is no number is nan. Raises InputError, and ImportError without python-ags4.
+    """
+    try:
+        from python_ags4 import AGS4
+    except ImportError as error:
+        raise ImportError("AGS4 files need python-ags4 (pip install 'periporo[laboratory]')") from error
+    name = str(file)
+    try:
+        tables, _ = AGS4.AGS4_to_dict(name)
+    except (OSError, UnicodeDecodeError, AGS4.AGS4Error) as error:
+        raise InputError(name, [Problem((), f"the file cannot be read: {error}")]) from None
+    if group not in tables:
+        raise InputError(name, [Problem(("group",), f"there is no group '{group}'; {choice(group, list(tables))}")])
+    table = tables[group]
+    for heading in (*columns.values(), *where):
+        if heading not in table:
+            message = f"group {group} has no heading '{heading}'; {choice(heading, list(table))}"
+            raise InputError(name, [Problem(("columns",), message)])
+    kinds = table["HEADING"]
+    rows = [
+        k for k, kind in enumerate(kinds)
+        if kind == "DATA" and all(table[h][k].strip() == value for h, value in where.items())
+    ]  # fmt: skip
+    if not rows:
+        raise InputError(name, [Problem(("where",), f"group {group} has no such row")])
+    found = {}
+    for column, heading in columns.items():
+        unit = table[heading][kinds.index("UNIT")].strip().lower() if "UNIT" in kinds else ""
+        if unit not in _UNITS:
+            message = f"{heading} has the unit '{unit}'; allowed: {', '.join(filter(None, _UNITS))}"
+            raise InputError(name, [Problem(("columns", column), message)])
+        found[column] = _UNITS[unit] * np.array([_as_number(table[heading][k]) for k in rows])
+    return found
+
+
+def _as_number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan
 
 
 def write_table(file: Path, columns: Columns) -> None:

@@ -83,12 +83,12 @@ def _curves(axes: Axes, curves: list[tuple[str, str]], columns: Columns, measure
         return f"{_STRESSES[name]} ({unit})" if name in _STRESSES else _LABELS[name]
 
     for number, (x, y) in enumerate(curves):
-        style = {"color": (_PATH, _END)[number], "linestyle": ("-", "--")[number], "label": _STRESSES.get(y, y)}
-        axes.plot(scaled(x, columns), scaled(y, columns), **style)
+        color, line = (_PATH, _END)[number], ("-", "--")[number]
+        axes.plot(scaled(x, columns), scaled(y, columns), color=color, linestyle=line, label=_STRESSES.get(y, y))
         for table in measured:
             if x in table and y in table:
-                dots = {"color": _MEASURED, "markersize": 3, "label": f"{_STRESSES.get(y, y)}, measured"}
-                axes.plot(scaled(x, table), scaled(y, table), "o", **dots)
+                name = f"{_STRESSES.get(y, y)}, measured"
+                axes.plot(scaled(x, table), scaled(y, table), "o", color=_MEASURED, markersize=3, label=name)
     if len(axes.get_lines()) > 1:
         axes.legend(frameon=False)
     axes.set_xlabel(label(curves[0][0]))
@@ -116,7 +116,7 @@ def _yield_surfaces(axes: Axes, material: Material, columns: Columns) -> None:
     stress = np.stack([columns[name] for name in STRESS_COLUMNS], axis=1)
     factor, _ = _unit(np.concatenate([columns["p"], columns["q"]]))
     for row, color, label in ((0, _START, "yield surface at the start"), (-1, _END, "at the end")):
-        p, q = material.yield_surface(stress[row], _state_row(material, columns, row))
+        p, q = getattr(material, "yield_surface")(stress[row], _state_row(material, columns, row))  # noqa: B009
         axes.plot(-p / factor, q / factor, color=color, linewidth=1.0, label=label)
 
 

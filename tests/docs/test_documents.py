@@ -104,6 +104,8 @@ class Page:
         match language:
             case "yaml":
                 self.yaml(file, text)
+            case "csv":
+                assert file, "a table that is not saved"
             case "toml":
                 tomllib.loads(text)
             case "python":
@@ -130,7 +132,7 @@ class Page:
             parse_scene(data)
         elif "phases" in data:
             read_test(data)
-        elif "model" not in data:
+        elif not {"model", "variants", "tests"} & set(data):
             assert set(data) <= set(SceneInput.model_fields), data
             if set(data) & {"checkpoint", "correspondence", "output", "monitor", "time_step"} == set(data):
                 parse_scene(SCENE | data)
