@@ -18,7 +18,9 @@ TOOLS = {  # word -> module with add_arguments and run, and what it does
     "new": ("periporo.io.input.examples", "list the example scenes, or write one to begin with"),
     "schema": ("periporo.io.schema.reference", "print the JSON Schema of scenes for editors, or the input reference"),
     "materials": ("periporo.io.schema.material_list", "list the installed materials with parameters, units and bounds"),
-    "drive": ("periporo.materials.laboratory.drive", "run one material point along a path"),
+    "fit": ("periporo.materials.laboratory.fit_command", "find the parameters of a law that fit measured tests"),
+    "study": ("periporo.core.study.study", "run variants of a scene side by side, with one table and one page"),
+    "drive": ("periporo.materials.laboratory.command", "run one material point along a path"),
 }
 INPUT_ERROR, RUN_ERROR, INTERRUPTED = 2, 3, 130
 

@@ -3,8 +3,8 @@
 A law is a `Material` with `StateField`s, and may raise `StepRefused` or `UpdatesFailed`; `MaterialParameters` gives
 its parameters bounds, units and error messages; `COMPONENTS`, `INDEX_PAIRS`, `component_count`, `dimension_of`,
 `to_matrix` and `from_matrix` are the order of tensor components; `kernel` and `inlined` compile loops over rows;
-`check_material` is the conformance kit; `drive` takes one point along a path that `built_in_path` or `read_path`
-makes. Importing the package costs nothing: names are loaded when they are asked for.
+`check_material` is the conformance kit; `drive` takes one point along a path that `built_in_path`, `read_path` or
+`read_test` makes. Importing the package costs nothing: names are loaded when they are asked for.
 """
 
 from typing import TYPE_CHECKING
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from periporo.materials.friction import FrictionAngles
     from periporo.materials.laboratory.drive import DriveStopped, drive
     from periporo.materials.laboratory.paths import built_in_path, read_path
+    from periporo.materials.laboratory.phases import read_test
     from periporo.materials.testing import NonConformance, check_material
 else:
     __getattr__, __dir__ = offer(__name__, {
@@ -48,12 +49,13 @@ else:
         "periporo.materials.friction": ("FrictionAngles",),
         "periporo.materials.laboratory.drive": ("DriveStopped", "drive"),
         "periporo.materials.laboratory.paths": ("built_in_path", "read_path"),
+        "periporo.materials.laboratory.phases": ("read_test",),
         "periporo.materials.testing": ("NonConformance", "check_material"),
     })  # fmt: skip
 
 __all__ = [
     "BONDING", "COMPONENTS", "DriveStopped", "FrictionAngles", "INDEX_PAIRS", "Material", "MaterialParameters",
     "NonConformance", "OPENED", "StateField", "StepRefused", "UpdatesFailed", "built_in_path", "check_material",
-    "component_count", "dimension_of", "drive", "from_matrix", "inlined", "kernel", "read_path", "state_columns",
-    "to_matrix",
+    "component_count", "dimension_of", "drive", "from_matrix", "inlined", "kernel", "read_path", "read_test",
+    "state_columns", "to_matrix",
 ]  # fmt: skip

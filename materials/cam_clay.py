@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from periporo.core.numerics.tensors import dimension_of, equivalent_shear, mean
 from periporo.core.points.material import BONDING, OPENED, StateField
 from periporo.materials.base import MaterialParameters, units
-from periporo.materials.cam_clay_return import advance, bonded_size, bonding_exponents
+from periporo.materials.cam_clay_return import advance, advance_each, bonded_size, bonding_exponents
 from periporo.materials.friction import FrictionAngles, angles_of_cone, shown
 
 _PRESSURE, _DENSITY, _NUMBER, _VISCOSITY = units("Pa", "kg/m^3", "1", "Pa^3 s")
@@ -149,6 +149,11 @@ class CamClay(MaterialParameters):
             1 + self.unsaturated if self.report_dissipation else -1,
         )
 
+    @classmethod
+    def of_rows(cls, laws, components):
+        """What answers for rows of which each has one of the `laws`."""
+        return _CamClayRows(laws)
+
     def _bonding_parameters(self) -> tuple[float, ...]:
         return (
             self.bonding_coefficient,
@@ -201,3 +206,28 @@ class UnsaturatedCamClay(CamClay):
     initial_bonding: float = Field(0.0, ge=0, description="xi at the start", json_schema_extra=_NUMBER)
 
     unsaturated: ClassVar[bool] = True
+
+
+class _CamClayRows:
+    """Rows with a law each."""
+
+    def __init__(self, laws):
+        self._numbers = np.array([
+            (law.bulk_modulus, law.shear_modulus, law.critical_state_slope, law.viscosity, law.minimum_preconsolidation,
+             *law._bonding_parameters())
+            for law in laws
+        ])  # fmt: skip
+        self._columns = (
+            1 if laws[0].unsaturated else -1, 1 + laws[0].unsaturated if laws[0].report_dissipation else -1
+        )  # fmt: skip
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        if not dt > 0:
+            raise ValueError(f"the time step must be positive (infinite: rate-independent limit), not {dt}")
+        advance_each(self._numbers, dt, stress, strain_increment, state, *self._columns)
+
+    def tension_limit(self, stress, state):
+        return -self._numbers[:, 4]
+
+    def elastic_moduli(self, stress, state):
+        return self._numbers[:, 0].copy(), self._numbers[:, 1].copy()

@@ -239,3 +239,14 @@ def advance(
             if dissipation_column >= 0:
                 state[b_k, dissipation_column] = p * x + w * (1.0 - w) * 0.25 * slope**2 * a2 / (3.0 * shear)
         used = 0
+
+
+@kernel
+def advance_each(numbers, dt, stress, strain_increment, state, bonding_column, dissipation_column):
+    """`advance` of rows with `numbers` (n, 10) of their own: bulk, shear, slope, viscosity, minimum, of the bonding."""
+    for b in range(stress.shape[0]):
+        n, row = numbers[b], slice(b, b + 1)
+        advance(
+            n[0], n[1], n[2], n[3] / dt, n[4], (n[5], n[6], n[7], n[8], n[9]), stress[row], strain_increment[row],
+            state[row], bonding_column, dissipation_column,
+        )  # fmt: skip

@@ -149,15 +149,25 @@ class DruckerPrager(MaterialParameters):
 
     def compute_stress(self, stress, strain_increment, state, dt):
         """Advance `stress` (n, 4|6) Pa by `strain_increment` in place; `dt` plays no part."""
-        dimension = dimension_of(stress)
+        numbers = self._numbers(dimension_of(stress))
+        _advance(*numbers, stress, strain_increment, state, self.report_dissipation, self._dilation_column)
+
+    def _numbers(self, dimension: int) -> tuple[float, ...]:
+        """What the return needs to know of the parameters: see `_advance`."""
         eta, strength, dilation = self.cone(dimension)
         limit = self.largest_mean_stress(dimension)
         edge = max(strength - eta * limit, 0.0) if math.isfinite(limit) else strength
-        column = int(self.report_dissipation) if self._fades else -1
-        _advance(
-            self.bulk_modulus, self.shear_modulus, eta, strength, dilation, self.largest_dilation or 0.0, limit, edge,
-            stress, strain_increment, state, self.report_dissipation, column,
-        )  # fmt: skip
+        end = self.largest_dilation or 0.0
+        return self.bulk_modulus, self.shear_modulus, eta, strength, dilation, end, limit, edge
+
+    @property
+    def _dilation_column(self) -> int:
+        return int(self.report_dissipation) if self._fades else -1
+
+    @classmethod
+    def of_rows(cls, laws, components):
+        """What answers for rows of which each has one of the `laws`."""
+        return _DruckerPragerRows(laws, components)
 
     def tension_limit(self, stress, state):
         """Largest mean stress (n,) Pa of the rows, beyond which they open."""
@@ -179,6 +189,24 @@ class DruckerPrager(MaterialParameters):
         q = math.sqrt(3.0) * (strength - eta * p)
         q[0] = 0.0
         return p, q
+
+
+class _DruckerPragerRows:
+    """Rows with a law each; columns are those of `DruckerPrager._numbers`."""
+
+    def __init__(self, laws, components):
+        dimension = 2 if components == 4 else 3
+        self._numbers = np.array([law._numbers(dimension) for law in laws])
+        self._columns = laws[0].report_dissipation, laws[0]._dilation_column
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        _advance_each(self._numbers, stress, strain_increment, state, *self._columns)
+
+    def tension_limit(self, stress, state):
+        return self._numbers[:, 6].copy()
+
+    def elastic_moduli(self, stress, state):
+        return self._numbers[:, 0].copy(), self._numbers[:, 1].copy()
 
 
 def _plane_dilation(psi: float) -> float:
@@ -267,3 +295,14 @@ def _advance(
             stress[b, k] *= scale
         if reports:
             state[b, 0] = p * (p_trial - p) / bulk + new_root * (root - new_root) / shear
+
+
+@kernel
+def _advance_each(numbers, stress, strain_increment, state, reports, column):
+    """`_advance` of rows with `numbers` (n, 8) of their own."""
+    for b in range(stress.shape[0]):
+        n, row = numbers[b], slice(b, b + 1)
+        _advance(
+            n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], stress[row], strain_increment[row], state[row], reports,
+            column,
+        )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -74,6 +75,7 @@ class Block(Rows):
         self.pore_stiffness: Callable[[Block], np.ndarray] | None = None  # of water that cannot leave, Pa
         self.held_moduli = None  # what `elastic_moduli` answers while stress and state are only a trial
         self.strain_increment = np.empty((0, components))
+        self.values: np.ndarray | None = None  # (n, k) of the parameters that vary from row to row, if any do
         self.refused: tuple[np.ndarray, str] | None = None  # rows that refuse the step, and the reason
         self.failed: list[np.ndarray] = []  # rows whose update failed in the step
         self.opening = Opening.of(material, components)
@@ -81,9 +83,15 @@ class Block(Rows):
         self.peak, self.peak_ids = np.array([0.0, -1.0]), np.full(2, -1)
 
     def use(self, law: Material) -> None:
-        """Go on with another law of the same state."""
-        self.material = law
-        self.opening = Opening.of(law, self.stress.shape[1])
+        """Go on with another law of the same state; one that varies is bound to the rows."""
+        varied: Any = law
+        self.material = law if self.values is None else varied.for_rows(self.values)
+        self.opening = Opening.of(self.material, self.stress.shape[1])
+
+    def law_of(self, rows) -> Material:
+        """The law of some of the rows."""
+        varied: Any = self.material
+        return self.material if self.values is None else varied.part(rows)
 
     def forget_peak(self) -> None:
         """Start to look for the largest strain anew."""
@@ -112,8 +120,9 @@ class Block(Rows):
 
     def take(self, stress, strain_increment, state, dt: float, rows=None) -> None:
         """Let the law take a step in arrays that stand for the `rows` of this block, or for all of them."""
+        law = self.material if rows is None else self.law_of(rows)
         try:
-            self.material.compute_stress(stress, strain_increment, state, dt)
+            law.compute_stress(stress, strain_increment, state, dt)
         except StepRefused as refusal:
             if self.refused is None:  # the first reason is the one that counts
                 self.refused = refusal.rows if rows is None else rows[refusal.rows], refusal.reason

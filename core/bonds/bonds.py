@@ -121,11 +121,25 @@ class Bonds:
             block.rows = slice(start, start + n)
             start += n
             block.strain_increment = np.zeros((n, particles.components))
+            if getattr(block.material, "varied", ()):
+                block.values = self._values(block, particles)
+                block.use(block.material)
         if self.links is not None:
             self.links.restore([self.links], self.pairs, particles)
         holders = [self.layout.holders(b, self.pairs) for b in self.blocks]
         first, second = (np.concatenate([h[end][h[0]] for h in holders]) for end in (1, 2))
         self.incidence_start, self.incidence = incidence_of(first, second, particles.total)
+
+    def _values(self, block, particles) -> np.ndarray:
+        """What varies of a block's rows, (n, k): the mean of their ends, as far as these are of its material."""
+        index, first, second, _ = self.layout.ends(block, self.pairs)
+        ends = first[index].astype(np.int64), second[index].astype(np.int64)
+        own = [particles.material[end] == block.index for end in ends]
+        columns = []
+        for name in block.material.varied:
+            at = [getattr(particles, f"parameter_{name}")[end] for end in ends]
+            columns.append(np.where(own[0] & own[1], 0.5 * (at[0] + at[1]), np.where(own[0], *at)))
+        return np.stack(columns, axis=1)
 
     def peak_ends(self, block) -> np.ndarray:
         """Ids (2,) of the ends of the row that had the largest strain, -1 if there was none."""
@@ -223,7 +237,8 @@ class Bonds:
             stress[alone] = self._stress_from_nothing(particles, ends[0][alone], ends[1][alone])
             volume = 0.5 * (particles.volume[ends[0][alone]] + particles.volume[ends[1][alone]])
             ids, place = self.layout.keys(block, self.pairs)
-            state[alone] = block.material.initial_state(stress[alone], ids[place[rows[alone]]], volume)
+            law = block.law_of(rows[alone])
+            state[alone] = law.initial_state(stress[alone], ids[place[rows[alone]]], volume)
         block.take(stress, np.zeros_like(stress), state, dt, rows)
         block.stress[rows], block.state[rows] = stress, state
 

@@ -133,6 +133,8 @@ def _averaged(sim, name):
         elif column is not None:
             result[own] = average[own, 1 + c + column : 1 + c + column + width]
         elif len(own) and any(field.name == name for field in derived_fields(law)):
+            if block.values is not None:
+                law = law.for_rows(np.stack([getattr(p, f"parameter_{name}")[own] for name in law.varied], axis=1))
             stress, state = average[own, 1 : 1 + c].copy(), average[own, 1 + c :].copy()
             result[own] = law.derived_state(stress, state)[name].reshape(len(own), width)
     return result if width > 1 else result[:, 0]

@@ -34,6 +34,7 @@ from periporo.core.scene.contacts import (
     refuse_overlaps,
     refuse_penetration,
 )
+from periporo.core.scene.fields import ParameterFields, agreed, create_laws
 from periporo.core.scene.geostatic import GeostaticStress, uniform_stress
 from periporo.core.scene.grounds import share_grounds
 from periporo.core.scene.points import PointMaker
@@ -61,7 +62,7 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
     scene = relative(scene, origin)
     share_grounds(scene, comm)
     particles = Particles(scene.dimension)
-    materials = [m.create() for m in scene.materials.values()]
+    materials = create_laws(scene)
     water = None if scene.pore_water is None else build_water(scene, materials)
     materials = wetted(scene, materials, water)
     chosen = scene.correspondence
@@ -116,8 +117,11 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
         everywhere = np.full(scene.dimension, -np.inf), np.full(scene.dimension, np.inf)
         corners = everywhere if scene.domain is None else region_corners(scene.domain, scene.dimension)
         sim.departures = Departures(*corners, failed=scene.failed_points == "remove")
-    maker = PointMaker(scene, particles, materials, water, lattices, [body for body, _ in _flying(scene)])
-    particles.replace(maker.part_of(comm, bodies_at_start(scene)), 0)
+    parameters = _parameter_fields(scene, materials, lattices, sim)
+    maker = PointMaker(scene, particles, materials, water, lattices, [body for body, _ in _flying(scene)], parameters)
+    particles.replace(agreed(comm, lambda: maker.part_of(comm, bodies_at_start(scene))), 0)
+    if parameters is not None:  # what is placed later must be right now
+        agreed(comm, lambda: maker.part_of(comm, sorted(set(range(len(lattices))) - set(bodies_at_start(scene)))))
     refuse_penetration(scene, contacts, sim)
     fit_jittered(scene, contacts, particles)
     if scene.initial_stress is not None:
@@ -148,6 +152,16 @@ def _tell_reactions(scene, sim, contacts, lattices):
         if boundary.holds:
             middle = middle_of(scene, boundary.where, lattices)
             sim.reactions.append(BoundaryReaction(name, middle))
+
+
+def _parameter_fields(scene, materials, lattices, sim) -> ParameterFields | None:
+    """The parameters that vary, if any do, as a point process."""
+    if not any(model.fields for model in scene.materials.values()):
+        return None
+    parameters = ParameterFields(scene, materials, lattices, sim.origin)
+    parameters.attach(sim)
+    sim.point_processes.append(parameters)
+    return parameters
 
 
 def _bodies_models(scene, stage):

@@ -7,6 +7,7 @@ import numpy as np
 from periporo.core.numerics import jit
 from periporo.core.scene.build import build, output_names
 from periporo.core.scene.doubts import doubts_about
+from periporo.core.scene.fields import ParameterFields
 from periporo.core.scene.source import naming, read_everywhere
 from periporo.errors import SCREEN_LINES, SCREEN_WIDTH
 
@@ -20,7 +21,7 @@ def check_scene(path, comm) -> int:
         if not jit.cache_is_warm() and comm.rank == 0:
             print(jit.COMPILING, flush=True)
         sim.start()
-    doubts = doubts_about(scene, sim)
+    doubts, fields = doubts_about(scene, sim), _fields(sim)
     sim.step()  # the first one measures the stable time step
     began, trials = time.perf_counter(), 20
     for _ in range(trials):
@@ -37,7 +38,8 @@ def check_scene(path, comm) -> int:
             ("time step", f"{sim.dt:.3g} s at the start"),
             ("motion", f"{duration:g} s, about {steps:,.0f} steps or more as the soil deforms"),
             ("run time", f"about {steps * seconds:,.0f} s at {cost:.2f} us per point and step"),
-            *(("friction", line) for line in _friction(scene)),
+            *(("friction", line) for line in _friction(scene, sim.materials)),
+            *(("field", line) for line in fields),
         ]
         print(f"{path}: valid")
         print("\n".join(_screen(facts, doubts)))
@@ -62,11 +64,17 @@ def _height(line: str) -> int:
     return -(-len(line) // SCREEN_WIDTH)
 
 
-def _friction(scene) -> list[str]:
-    """The angles of friction that each law has in this scene's dimension, where it can tell."""
-    laws = [(name, material.create()) for name, material in scene.materials.items()]
-    frictional = [(name, law) for name, law in laws if hasattr(law, "friction_angles")]
-    return [f"{name}: {law.friction_angles(scene.dimension)}" for name, law in frictional]
+def _fields(sim) -> list[str]:
+    """The range of each parameter that varies; collective."""
+    processes = [process for process in sim.point_processes if isinstance(process, ParameterFields)]
+    found = [entry for process in processes for entry in process.ranges(sim)]
+    return [f"{material}, {name}: {low:.4g} to {high:.4g} at {n:,} points" for material, name, low, high, n in found]
+
+
+def _friction(scene, laws) -> list[str]:
+    """The angles of friction that each of the laws has in this scene's dimension, where it can tell."""
+    named = zip(scene.materials, laws, strict=True)
+    return [f"{name}: {law.friction_angles(scene.dimension)}" for name, law in named if hasattr(law, "friction_angles")]
 
 
 def state_bytes(sim) -> int:

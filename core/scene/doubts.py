@@ -161,7 +161,8 @@ def _doubts_of_laws(sim, scene) -> list[str]:
     for name, block in zip(scene.materials, sim.bonds.blocks, strict=True):
         found = {}
         if hasattr(block.material, "doubts"):
-            found = block.material.doubts(block.stress[block.active], block.state[block.active])
+            law = block.law_of(np.flatnonzero(block.active))
+            found = law.doubts(block.stress[block.active], block.state[block.active])
         merged: dict[str, str] = {}
         for mine in reversed(sim.comm.allgather(found)):
             merged |= mine

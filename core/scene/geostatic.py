@@ -59,6 +59,10 @@ class GeostaticStress:
             stress[:, c] -= pressure if a == b else 0.0
         return stress
 
+    def cover(self, position: np.ndarray) -> np.ndarray:
+        """Height (n,) m of the soil above positions (n, d) m, up to the surface."""
+        return self._weight(position, _along(position, self.up))[1]
+
     def _weight(self, position, level):
         """Mass above per area, (n,) kg/m^2, and how far up that reaches, (n,) m."""
         weight = np.zeros(len(position))

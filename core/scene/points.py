@@ -13,11 +13,13 @@ _MADE = ("id", "position", "volume", "material", "body", "velocity")
 class PointMaker:
     """Makes the migrating fields of bodies' points, piece by piece, so that no rank needs all of them.
 
-    `materials` and `water` are those of the simulation; bodies whose numbers are `held` stand still at first.
+    `materials` and `water` are those of the simulation; bodies whose numbers are `held` stand still at first;
+    `fields` are the parameters that vary, if any do.
     """
 
-    def __init__(self, scene, particles, materials, water, lattices, held):
+    def __init__(self, scene, particles, materials, water, lattices, held, fields=None):
         self._scene, self._particles, self._water, self._lattices = scene, particles, water, lattices
+        self._fields = fields
         self._density = np.array([m.density for m in materials])
         self._groups = bonding_groups(scene)
         self._held = held
@@ -57,6 +59,8 @@ class PointMaker:
         owned = {name: np.concatenate([empty[name], *(piece[name] for piece in pieces)]) for name in _MADE}
         owned["group"] = self._groups[owned["body"]]
         owned["mass"] = owned["volume"] * self._density[owned["material"]]
+        if self._fields is not None:
+            self._fields.initial_fields(owned)
         if self._water is not None:
             self._water.initial_fields(owned)
         for field in p.migrating():

@@ -5,15 +5,7 @@ import numpy as np
 from periporo.core.water.flow import FlowingWater, Permeability
 from periporo.core.water.pore_water import DrainedWater, Pores, PoreWater, UndrainedWater
 from periporo.core.water.pressure import FreeWater, Hydrostatic, Profile, UniformSuction
-from periporo.core.water.retention import (
-    FULL,
-    RETENTION,
-    Retention,
-    exponential,
-    of_voids,
-    tabulated,
-    van_genuchten,
-)
+from periporo.core.water.retention import FULL, retention_of
 from periporo.errors import InputError, Problem
 from periporo.io.schema.water import Soil
 
@@ -23,7 +15,7 @@ STANDARD_GRAVITY = 9.81  # m/s^2, under which a conductivity is measured
 def build_water(scene, materials) -> PoreWater:
     """The process of the scene's pore water. Raises InputError for materials without pores and unusable tables."""
     water = scene.pore_water
-    curves = [_retention(_soil(scene, name).retention) for name in scene.materials]
+    curves = [retention_of(_soil(scene, name).retention) for name in scene.materials]
     pores = Pores(_porosities(scene, materials), curves, water.water_density, water.bulk_modulus)
     free = None
     if water.free_water is not None:
@@ -100,28 +92,3 @@ def _porosities(scene, materials):
             raise InputError("scene", [Problem(("materials", name, "porosity"), message)])
         found.append(value)
     return np.array(found)
-
-
-def _retention(model) -> Retention:
-    if model is None:
-        return Retention(FULL)
-    if model.table is not None:
-        try:
-            return tabulated(*_read_table(model.table))
-        except (OSError, ValueError) as error:
-            problem = Problem(("pore_water", "retention", "table"), f"{model.table}: {error}")
-            raise InputError("scene", [problem]) from None
-    if model.van_genuchten is not None:
-        return van_genuchten(model.van_genuchten.alpha, model.van_genuchten.n, model.van_genuchten.residual)
-    if model.exponential is not None:
-        return exponential(model.exponential.alpha, model.exponential.residual)
-    return of_voids(*(RETENTION[model.set] if model.set is not None else (model.alpha1, model.alpha2, model.alpha3)))
-
-
-def _read_table(name):
-    """Columns of a CSV file headed suction,saturation in Pa and 1."""
-    with open(name, encoding="utf-8-sig") as file:
-        header = file.readline().strip().replace(" ", "")
-        if header != "suction,saturation":
-            raise ValueError(f"its first line must be suction,saturation, not {header!s:.60}")
-        return np.loadtxt(file, delimiter=",", ndmin=2).T

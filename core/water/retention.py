@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from periporo.core.numerics.jit import inlined, kernel
+from periporo.errors import InputError, Problem
 
 FULL, VOIDS, VAN_GENUCHTEN, EXPONENTIAL, TABLE = range(5)
 _KILOPASCAL = 1e3
@@ -83,6 +84,32 @@ def tabulated(suction, saturation, conductivity=None) -> Retention:
     if not ((kr >= 0) & (kr <= 1)).all() or not (np.diff(kr) <= 0).all():
         raise ValueError("retention table: conductivities must lie in [0, 1] and not increase with suction")
     return Retention(TABLE, (float(len(s)), *s, *y, *slopes, *kr))
+
+
+def retention_of(model) -> Retention:
+    """The curve that an `io.schema.water.Retention` describes, `FULL` for None. Raises InputError for a bad table."""
+    if model is None:
+        return Retention(FULL)
+    if model.table is not None:
+        try:
+            return tabulated(*_read_table(model.table))
+        except (OSError, ValueError) as error:
+            problem = Problem(("pore_water", "retention", "table"), f"{model.table}: {error}")
+            raise InputError("scene", [problem]) from None
+    if model.van_genuchten is not None:
+        return van_genuchten(model.van_genuchten.alpha, model.van_genuchten.n, model.van_genuchten.residual)
+    if model.exponential is not None:
+        return exponential(model.exponential.alpha, model.exponential.residual)
+    return of_voids(*(RETENTION[model.set] if model.set is not None else (model.alpha1, model.alpha2, model.alpha3)))
+
+
+def _read_table(name):
+    """Columns of a CSV file headed suction,saturation in Pa and 1."""
+    with open(name, encoding="utf-8-sig") as file:
+        header = file.readline().strip().replace(" ", "")
+        if header != "suction,saturation":
+            raise ValueError(f"its first line must be suction,saturation, not {header!s:.60}")
+        return np.loadtxt(file, delimiter=",", ndmin=2).T
 
 
 def packed(curves: list[Retention]) -> np.ndarray:

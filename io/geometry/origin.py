@@ -56,12 +56,16 @@ def _moved(value: Any, origin: list[float], level: float) -> Any:
         match extra.get("place") if isinstance(extra, dict) and before is not None else None:
             case "point":
                 changed[name] = _point(before, origin)
+            case "level" if isinstance(before, tuple):
+                changed[name] = tuple(counted_from(v, level) for v in before)
             case "level":
                 changed[name] = _level(before, level)
             case "z":
                 changed[name] = tuple(counted_from(z, origin[2]) for z in before)
             case _:
                 changed[name] = _moved(before, origin, level)
+    for name, extra in (value.model_extra or {}).items():  # fields of parameters
+        changed[name] = _moved(extra, origin, level)
     copy = value.model_copy(update=changed)
     if hasattr(copy, "_origin"):
         copy._origin = tuple(origin)

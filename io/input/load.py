@@ -34,7 +34,7 @@ def parse_scene(data: dict[str, Any], folder: str | Path = ".") -> SceneInput:
 def _checked(data: Any, folder: Path, source: YamlSource | None) -> SceneInput:
     scene = None
     problems = list(source.problems) if source else []
-    problems += material_problems(data)
+    problems += material_problems(data, folder)
     try:
         scene = SceneInput.model_validate(data, context={"folder": folder})
     except ValidationError as error:

@@ -1,8 +1,9 @@
 """Input models of materials, shapes, bodies and the stress that they start with."""
 
+import contextlib
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, PrivateAttr, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, ValidationError, ValidationInfo, model_validator
 
 from periporo.io.schema.base import (
     MAX_LENGTH,
@@ -17,26 +18,48 @@ from periporo.io.schema.base import (
     Velocity,
     key,
 )
+from periporo.io.schema.fields import ParameterField, is_field, read_field
 from periporo.io.schema.files import ExistingFile
 from periporo.io.schema.ground import Heights, MeshName, Values
 from periporo.materials import registry
 
 
 class MaterialInput(SceneModel):
-    """A constitutive law by name and its parameters, which the law itself validates."""
+    """A constitutive law by name and its parameters, which the law itself validates.
+
+    A parameter that varies from place to place is a mapping with the key `field` in place of a number.
+    """
 
     model_config = ConfigDict(extra="allow")
 
     model: Name = key("name of an installed law, such as elastic")
 
+    @model_validator(mode="before")
+    @classmethod
+    def _fields_are_read(cls, data: Any, info: ValidationInfo) -> Any:
+        """Fields as models; those that are wrong stay as they are, for `material_problems` says so."""
+        if not isinstance(data, dict):
+            return data
+        read = dict(data)
+        for name, value in data.items():
+            if is_field(value):
+                with contextlib.suppress(ValidationError):
+                    read[name] = read_field(value, (info.context or {}).get("folder", "."))
+        return read
+
     @property
     def parameters(self) -> dict[str, Any]:
-        """The law's own keys."""
-        return dict(self.model_extra or {})
+        """The law's own keys that are the same everywhere."""
+        return {name: value for name, value in (self.model_extra or {}).items() if not is_field(value)}
 
-    def create(self):
-        """The material object."""
-        return registry.load(self.model)(**self.parameters)
+    @property
+    def fields(self) -> dict[str, ParameterField]:
+        """The law's own keys that vary from place to place."""
+        return {name: value for name, value in (self.model_extra or {}).items() if is_field(value)}
+
+    def create(self, **varied: float):
+        """The material object, with values of what varies."""
+        return registry.load(self.model)(**self.parameters, **varied)
 
 
 class Box(SceneModel):

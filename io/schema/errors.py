@@ -188,7 +188,7 @@ def _message(finding: ErrorDetails, node: dict[str, Any]) -> str:
         what = "unknown key; did you mean 'type'?" if _misspelt(finding) else "the key 'type' is missing;"
         return f"{what} Allowed values of 'type': {', '.join(node['tags'])}"
     if kind == "union_tag_invalid":
-        return _option(value["type"], node["tags"]) + _meaning(node)
+        return _option(value[context["discriminator"].strip("'")], node["tags"]) + _meaning(node)
     if kind == "literal_error":
         return _option(value, [str(o) for o in node.get("enum", [node.get("const")])]) + _meaning(node)
     if kind in _KINDS:

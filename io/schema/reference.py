@@ -118,6 +118,7 @@ def _text(names: list[str], page_of: dict[str, str] | None = None) -> str:
 def _laws(page_of: dict[str, str]) -> str:
     """The section on the keys of the built-in laws."""
     parts = ["## Materials\n", "An entry of `materials` has the key `model` and those of the law that it names.\n"]
+    parts.append("Any number may be a mapping with the key `field`: [soil that varies](../../how-to/fields.md).\n")
     for name in sorted(registry.available()):
         law = registry.load(name)
         if law.__module__.startswith("periporo."):

@@ -1,104 +1,260 @@
-"""One material point along a path: `periporo drive MATERIAL.yaml PATH.csv -o folder`.
+"""One material point along a path or through a test: `periporo.drive`, and `periporo drive MATERIAL.yaml PATH`.
 
-Rows of the path are divided into substeps. Strain is given, or found by Newton's method where stress is
+Rows of a path are divided into substeps. Strain is given, or found by Newton's method where stress is
 given; deformation gradients are joined by stretch and rotation.
 """
 
-import argparse
-import dataclasses
-import importlib.util
-import sys
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ValidationError
 
-from periporo.core.numerics.tensors import COMPONENTS
 from periporo.core.points.material import Material
+from periporo.core.water.pore_water import bonding_variable
+from periporo.core.water.retention import FULL, retention_of
 from periporo.errors import InputError, Problem
-from periporo.io.input.yaml_source import read_yaml
-from periporo.io.schema.errors import problems_of
-from periporo.materials import registry
+from periporo.materials.laboratory.columns import Columns, engineering, observed
+from periporo.materials.laboratory.files import as_material, read_measured
 from periporo.materials.laboratory.paths import (
-    BUILT_IN,
     GRADIENT_COLUMNS,
     INSIDE_OUT,
-    STRAIN_COLUMNS,
     STRESS_COLUMNS,
     DeformationPath,
     StrainPath,
     find_path,
 )
-from periporo.materials.laboratory.point import MaterialPoint, PointStopped, StressNotReached
+from periporo.materials.laboratory.phases import Leg, Phase, PhasedTest, SpecimenWaterInput, legs_of, read_test
+from periporo.materials.laboratory.point import Control, MaterialPoint, PointStopped, StressNotReached
+from periporo.materials.laboratory.water import SpecimenWater
 
 _MAX_HALVINGS = 8
-_INPUT_ERROR, _STOPPED = 2, 3  # exit status
+_SUBSTEPS = 10
+_YAML = (".yaml", ".yml")
+
+Test = StrainPath | DeformationPath | PhasedTest
 
 
 class DriveStopped(RuntimeError):
     """A point did not reach a row of its path; `columns` are the rows so far, as `drive` returns them."""
 
-    def __init__(self, path: StrainPath | DeformationPath, row: int, reason: str, columns: dict[str, np.ndarray]):
-        super().__init__(f"{path.name}, row {row}, time {path.time[row]:g} s: {reason}")
+    def __init__(self, place: str, reason: str, columns: Columns):
+        super().__init__(f"{place}: {reason}")
         self.columns = columns
 
 
 def drive(
-    material: Material,
-    path: StrainPath | DeformationPath,
-    substeps: int = 10,
+    material: Material | str | Path | dict[str, Any],
+    path: Test | str | Path | dict[str, Any],
+    substeps: int | None = None,
     initial_stress: np.ndarray | None = None,
     *,
     volume: float = 1.0,
     number: int = 0,
-) -> dict[str, np.ndarray]:
-    """Columns (m,) by name for the rows of `path`: time, strain, stress and state, in SI units.
+    pictures: str | Path | None = None,
+    measured: Iterable[str | Path] = (),
+) -> Columns:
+    """Columns (m,) by name for the rows of a test of one material point, in SI units.
 
-    Each row is reached in `substeps` steps. The initial stress (6,) Pa is that of the argument, else the path's own,
-    else zero. `volume` (m^3) of the specimen and `number`, its id, are for laws whose strength scatters.
+    `material` is a law, its YAML file or its mapping; `path` a test in phases (a YAML file or mapping), a CSV file of
+    strains, stresses or deformation gradients, a built-in test such as `triaxial:confining=1e5`, or what `read_path`,
+    `built_in_path` and `read_test` make of these. Columns: `time_s`; strain, effective stress and state, tension
+    positive; `pore_pressure` and `saturation` of a wet specimen; and what engineers read, compression positive
+    (`periporo.materials.laboratory.columns.STOPPABLE`). A test in phases has `phase`, counted from 0, too.
+
+    Each row is reached in `substeps` steps (10, or what the test says). The initial stress (6,) Pa is that of the
+    argument, else the path's own, else zero. `volume` (m^3) of the specimen and `number`, its id, are for laws whose
+    strength scatters. Nothing is drawn unless a folder is given for `pictures`; over them go the curves of the CSV
+    files `measured`, whose columns have the names above.
 
     Raises `InputError` if path and start do not suit, `DriveStopped`, with the rows so far, if the law fails or
     refuses a strain, gives a number that is not finite, or does not reach a prescribed stress.
 
-    >>> from periporo.materials import built_in_path
-    >>> from periporo.materials.elastic import Elastic
-    >>> soil = Elastic(density=1800, bulk_modulus=25e6, shear_modulus=15e6)
-    >>> columns = drive(soil, built_in_path("oedometer", "strain=0.01,confining=0,rows=10"))
-    >>> print(f"{columns['stress_yy'][-1]:.6g} Pa")  # (K + 4/3 G) times the strain
-    -450000 Pa
+    >>> import periporo
+    >>> soil = {"model": "elastic", "density": 1800, "bulk_modulus": 25e6, "shear_modulus": 15e6}
+    >>> columns = periporo.drive(soil, "oedometer:strain=0.01,confining=0,rows=10")
+    >>> print(f"{columns['axial_stress'][-1]:.6g} Pa")  # (K + 4/3 G) times the strain
+    450000 Pa
+    >>> shear = [{"type": "isotropic", "stress": 1e5}, {"type": "triaxial", "strain": 0.01, "drainage": "undrained"}]
+    >>> columns = periporo.drive(soil, {"porosity": 0.4, "phases": shear})
+    >>> print(f"q = {columns['q'][-1]:.4g} Pa, u = {columns['pore_pressure'][-1]:.4g} Pa")  # 3 G times the strain
+    q = 4.496e+05 Pa, u = 1.492e+05 Pa
     """
-    if substeps < 1:
+    law, test = as_material(material), as_test(path)
+    if substeps is not None and substeps < 1:
         raise InputError("substeps", [Problem((), f"must be at least 1, not {substeps}")])
     if not 0 < volume < np.inf:
         raise InputError("volume", [Problem((), f"must be positive, in m^3, not {volume:g}")])
     if number < 0:
         raise InputError("id", [Problem((), f"must be at least 0, not {number}")])
-    stress = initial_stress if initial_stress is not None else path.initial_stress
+    curves = [read_measured(file) for file in measured]
+    law, water, porosity = _prepared(law, test)
+    point = _specimen(law, test, initial_stress, volume, number, water)
+    record = _Record(point, porosity)
     try:
-        point = MaterialPoint(material, np.zeros(6) if stress is None else stress, volume, number)
-    except ValueError as error:
-        raise InputError(path.name, [Problem((), f"the initial stress does not suit: {error}")]) from error
-    if isinstance(path, DeformationPath):
-        follow = _gradient_followed(point, path, substeps)
+        for row in _rows(point, test, substeps, record):
+            record.add(*row)
+    except PointStopped as stop:
+        stopped = DriveStopped(record.place, str(stop), record.columns())
+        if pictures is not None:
+            _draw(law, stopped.columns, Path(pictures), test.name, curves)
+        raise stopped from None
+    columns = record.columns()
+    if pictures is not None:
+        _draw(law, columns, Path(pictures), test.name, curves)
+    return columns
+
+
+def as_test(path: Test | str | Path | dict[str, Any]) -> Test:
+    """A test that is ready, whatever stands for it."""
+    if isinstance(path, StrainPath | DeformationPath | PhasedTest):
+        return path
+    if isinstance(path, dict) or str(path).endswith(_YAML):
+        return read_test(path)
+    return find_path(str(path))
+
+
+def _prepared(law: Material, test: Test) -> tuple[Material, SpecimenWater | None, float | None]:
+    """The law that the specimen follows, its water and its porosity, as far as they are known."""
+    given = test.porosity if isinstance(test, PhasedTest) else None
+    own = getattr(law, "porosity", getattr(law, "initial_porosity", None))
+    porosity = given if own is None else own
+    if not isinstance(test, PhasedTest) or not test.wet:
+        return law, None, porosity
+    if getattr(law, "owns_pore_pressure", False):
+        message = "this law has its own pore pressure: leave out water, and drainage, and use its parameters"
+        raise InputError(test.name, [Problem(("water",), message)])
+    if not porosity:
+        message = "water needs room: give the porosity at the start, above 0 (this law has none)"
+        raise InputError(test.name, [Problem(("porosity",), message)])
+    model = test.water or SpecimenWaterInput()
+    curve = retention_of(model.retention)
+    water = SpecimenWater(porosity, curve, model.bulk_modulus, model.pressure)
+    if curve.kind != FULL and hasattr(law, "for_unsaturated"):
+        pressure, saturation = water.at(np.zeros(1))
+        law = law.for_unsaturated(float(bonding_variable(np.maximum(-pressure, 0.0), saturation)[0]))
+    return law, water, porosity
+
+
+def _specimen(law, test, initial_stress, volume, number, water) -> MaterialPoint:
+    """The point at the start."""
+    if isinstance(test, PhasedTest):
+        own = -test.pressure * np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
     else:
-        follow = _strain_followed(point, path, substeps)
-    rows = [_observed(point)]
-    for row in range(1, len(path.time)):
-        try:
-            follow(row)
-        except PointStopped as stop:
-            raise DriveStopped(path, row, str(stop), _table(path, rows)) from None
-        rows.append(_observed(point))
-    return _table(path, rows)
+        own = test.initial_stress
+    stress = initial_stress if initial_stress is not None else own
+    try:
+        return MaterialPoint(law, np.zeros(6) if stress is None else stress, volume, number, water)
+    except ValueError as error:
+        raise InputError(test.name, [Problem((), f"the initial stress does not suit: {error}")]) from error
 
 
-def _table(path, rows) -> dict[str, np.ndarray]:
-    """Columns by name of the rows that were reached."""
-    columns = {"time_s": path.time[: len(rows)]}
+class _Record:
+    """The rows that were reached, and where the point is on its way."""
+
+    def __init__(self, point: MaterialPoint, porosity: float | None):
+        self.place = ""
+        self._point, self._porosity = point, porosity
+        self._rows: list[dict[str, float]] = []
+
+    def add(self, time: float, extra: dict[str, float]) -> None:
+        """Keep the point's present state as a row."""
+        self._rows.append({"time_s": float(time)} | extra | observed(self._point))
+
+    def latest(self) -> dict[str, float]:
+        """What engineers read of the present state."""
+        row = {name: np.array([value]) for name, value in observed(self._point).items()}
+        return {name: float(column[0]) for name, column in self._engineering(row).items()}
+
+    def columns(self) -> Columns:
+        """Columns by name."""
+        return self._engineering({name: np.array([row[name] for row in self._rows]) for name in self._rows[0]})
+
+    def _engineering(self, columns: Columns) -> Columns:
+        return columns | engineering(columns, self._porosity)
+
+
+def _rows(point: MaterialPoint, test: Test, substeps: int | None, record: _Record) -> Iterator[tuple]:
+    """Time, and columns of its own, of each row that the point reaches."""
+    if isinstance(test, PhasedTest):
+        yield from _phased(point, test, substeps or test.substeps, record)
+        return
+    record.place = test.name
+    follow, extra = _follower(point, test, substeps or _SUBSTEPS)
+    yield test.time[0], extra(0)
+    for row in range(1, len(test.time)):
+        record.place = f"{test.name}, row {row}, time {test.time[row]:g} s"
+        follow(row)
+        yield test.time[row], extra(row)
+
+
+def _follower(point, path, substeps) -> tuple[Callable, Callable]:
+    """Functions that advance the point to a row of a path, and that give the path's own columns of a row."""
     if isinstance(path, DeformationPath):
-        flat = path.gradient.reshape(-1, 9)
-        columns |= {name: flat[: len(rows), c] for c, name in enumerate(GRADIENT_COLUMNS)}
-    return columns | {name: np.array([row[name] for row in rows]) for name in rows[0]}
+        names, flat = GRADIENT_COLUMNS, path.gradient.reshape(-1, 9)
+        return _gradient_followed(point, path, substeps), lambda row: dict(zip(names, flat[row], strict=True))
+    return _strain_followed(point, path, substeps), lambda row: {}
+
+
+def _phased(point: MaterialPoint, test: PhasedTest, substeps: int, record: _Record) -> Iterator[tuple]:
+    """Rows of a test in phases."""
+    time = 0.0
+    yield time, {"phase": 0}
+    for number, phase in enumerate(test.phases):
+        begun = record.latest()
+        for leg in _legs(test, number, point, record):
+            for row in range(1, leg.rows + 1):
+                record.place = f"{_name(test, number)}, time {time:g} s"
+                _follow_leg(point, leg, row, substeps)
+                time += leg.duration / leg.rows
+                yield time, {"phase": number}
+                if _is_over(phase, begun, record.latest()):
+                    break
+            else:
+                continue
+            break
+
+
+def _name(test: PhasedTest, number: int) -> str:
+    name = test.phases[number].name
+    return f"{test.name}, phase {number}" + (f" ({name})" if name else "")
+
+
+def _legs(test, number, point, record) -> Iterator[Leg]:
+    """The straight pieces of a phase; water is opened or shut before each."""
+    phase = test.phases[number]
+    record.place = _name(test, number)
+    if point.water is not None:
+        if phase.drainage == "drained":
+            point.water.open(point.water.pressure)
+        elif point.water.drained:
+            point.water.shut(point.volumetric)
+    yield from legs_of(phase, point)
+
+
+def _is_over(phase: Phase, begun: dict[str, float], now: dict[str, float]) -> bool:
+    """Whether a column has come to the value at which the phase ends."""
+    known = {name: (begun.get(name, np.nan), now.get(name, np.nan)) for name in phase.stop}
+    missing = [name for name, (first, _) in known.items() if np.isnan(first)]
+    if missing:
+        message = f"this test has no number '{missing[0]}' when the phase begins; its porosity, water or stress lacks"
+        raise InputError("test", [Problem(("stop",), message)])
+    return any((last - phase.stop[name]) * (first - phase.stop[name]) <= 0.0 for name, (first, last) in known.items())
+
+
+def _follow_leg(point: MaterialPoint, leg: Leg, row: int, substeps: int) -> None:
+    """Advance the point to a row of a leg."""
+    steps = leg.rows * substeps
+    for k in range((row - 1) * substeps + 1, row * substeps + 1):
+        if leg.water is not None and point.water is not None:
+            first, last = leg.water
+            point.water.open(first + k / steps * (last - first))
+        increment = leg.strain / steps
+        target = leg.start + k / steps * (leg.end - leg.start)
+        try:
+            _advance(point, increment.copy(), leg.control, target, leg.duration / steps, _MAX_HALVINGS)
+        except StressNotReached:
+            raise PointStopped(_unreachable("")) from None
 
 
 def _gradient_followed(point: MaterialPoint, path: DeformationPath, substeps: int):
@@ -117,6 +273,7 @@ def _gradient_followed(point: MaterialPoint, path: DeformationPath, substeps: in
 def _strain_followed(point: MaterialPoint, path: StrainPath, substeps: int):
     """Function that advances the point to a row; strains and prescribed stresses are linear in time in between."""
     controlled = path.stress_controlled
+    control = Control.of_components(controlled)
     _check_start(point, path)
     guess = np.zeros(6)
 
@@ -128,7 +285,7 @@ def _strain_followed(point: MaterialPoint, path: StrainPath, substeps: int):
             target = start + k / substeps * (end - start)
             increment = np.where(controlled, guess, target - point.strain)
             try:
-                guess = _advance(point, increment, controlled, target, dt, _MAX_HALVINGS)
+                guess = _advance(point, increment, control, target[controlled], dt, _MAX_HALVINGS)
             except StressNotReached:
                 raise PointStopped(_missed(point.stress[0], end, controlled)) from None
 
@@ -140,23 +297,27 @@ def _missed(stress, wanted, controlled) -> str:
     names = np.array(STRESS_COLUMNS)[controlled]
     values = zip(names, stress[controlled], wanted[controlled], strict=True)
     came = ", ".join(f"{n} came to {s:.6g} of {w:.6g} Pa" for n, s, w in values if abs(s - w) > 1e-6 * abs(w))
-    return f"the prescribed stress cannot be reached, {came}; the material may fail there: prescribe strain instead"
+    return _unreachable(f", {came}")
 
 
-def _advance(point, increment, controlled, target, dt, halvings):
+def _unreachable(how_far: str) -> str:
+    return f"the prescribed stress cannot be reached{how_far}; the material may fail there: prescribe strain instead"
+
+
+def _advance(point, increment, control, target, dt, halvings):
     """One substep, divided again where Newton's method fails; returns the increment of the last part."""
-    if not controlled.any():
+    if not len(target):
         point.strain_by(increment, dt)
         return increment
-    stress = point.stress[0].copy()
+    present = point.controlled(control)
     try:
-        point.reach(increment, controlled, target, dt)
+        point.reach(increment, control, target, dt)
         return increment
     except StressNotReached:
         if halvings == 0:
             raise
-    _advance(point, 0.5 * increment, controlled, 0.5 * (stress + target), 0.5 * dt, halvings - 1)
-    return 2.0 * _advance(point, 0.5 * increment, controlled, target, 0.5 * dt, halvings - 1)
+    _advance(point, 0.5 * increment, control, 0.5 * (present + target), 0.5 * dt, halvings - 1)
+    return 2.0 * _advance(point, 0.5 * increment, control, target, 0.5 * dt, halvings - 1)
 
 
 def _check_start(point: MaterialPoint, path: StrainPath) -> None:
@@ -171,132 +332,11 @@ def _check_start(point: MaterialPoint, path: StrainPath) -> None:
         raise InputError(path.name, [Problem((), message)])
 
 
-def _observed(point: MaterialPoint) -> dict[str, float]:
-    """Strain, stress, state and derived state of the point as named numbers."""
-    values = dict(zip(STRAIN_COLUMNS, point.strain, strict=True))
-    values |= dict(zip(STRESS_COLUMNS, point.stress[0], strict=True))
-    column = 0
-    for field in point.material.state_fields:
-        names = [f"{field.name}_{c}" for c in COMPONENTS] if field.kind == "tensor" else [field.name]
-        for name in names:
-            values[name] = point.state[0, column]
-            column += 1
-    if hasattr(point.material, "derived_state"):
-        for name, array in point.material.derived_state(point.stress, point.state).items():
-            if array.ndim == 1:
-                values[name] = array[0]
-            else:
-                values |= {f"{name}_{c}": v for c, v in zip(COMPONENTS, array[0], strict=True)}
-    return {name: float(value) for name, value in values.items()}
-
-
-def load_material(file: str | Path) -> Material:
-    """The material of a YAML file: `model` and its parameters. Raises InputError with line and key."""
-    source = read_yaml(file)
-    problems = list(source.problems)
-    parameters = dict(source.data) if isinstance(source.data, dict) else {}
-    name = parameters.pop("model", None)
-    if not isinstance(name, str):
-        message = f"give the name of the material model, one of {', '.join(sorted(registry.available()))}"
-        raise InputError(str(file), [*problems, Problem(("model",), message, source.line(("model",)))])
+def _draw(law: Material, columns: Columns, folder: Path, stem: str, measured: list[Columns]) -> list[Path]:
+    """Pictures of the columns in a folder."""
     try:
-        law = registry.load(name)
-    except KeyError as error:
-        raise InputError(str(file), [*problems, Problem(("model",), error.args[0])]) from None
-    try:
-        material = law(**parameters)
-    except ValidationError as error:
-        schema = law.model_json_schema() if issubclass(law, BaseModel) else {}
-        problems += problems_of(error, schema, parameters)
-    except (TypeError, ValueError) as error:
-        problems.append(Problem((), str(error)))
-    if problems:
-        lines = [dataclasses.replace(p, line=p.line or source.line(p.path)) for p in problems]
-        raise InputError(str(file), lines)
-    return material
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of `periporo drive`."""
-    parser.add_argument("material", help="YAML file with `model` and its parameters")
-    parser.add_argument(
-        "path",
-        help="CSV file with time_s and strain_xx, stress_xx or F11 columns; or a built-in path "
-        f"({', '.join(BUILT_IN)}), as in triaxial:confining=1e5,strain=0.1,rows=100,rate=1e-3",
-    )
-    parser.add_argument(
-        "-o", "--output", default="drive", help="folder of the results (default: %(default)s)"
-    )
-    parser.add_argument("-n", "--substeps", type=int, default=10, help="steps per row (default: %(default)s)")
-    parser.add_argument(
-        "--initial-stress",
-        metavar="PA",
-        help="mean stress, or six components xx,yy,zz,xy,yz,xz, tension positive: --initial-stress=-1e5",
-    )
-    parser.add_argument(
-        "--volume", type=float, default=1.0, metavar="M3",
-        help="volume of the specimen, for laws with a size effect (default: 1 m^3)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--id", type=int, default=0, metavar="N", help="number of the point, for laws that draw by it (default: 0)"
-    )
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Carry out `periporo drive`; messages go to stderr.
-
-    The exit status is 2 if an input is wrong, 3 if the point did not reach the end of the path: the table then
-    holds the rows that it reached.
-    """
-    status = 0
-    try:
-        material = load_material(arguments.material)
-        path = find_path(arguments.path)
-        stress = _parse_stress(arguments.initial_stress)
-        columns = drive(
-            material, path, arguments.substeps, stress, volume=arguments.volume, number=arguments.id
-        )
-    except InputError as error:
-        print(error, file=sys.stderr)
-        return _INPUT_ERROR
-    except DriveStopped as stop:
-        print(f"{stop}\nthe table ends before that row", file=sys.stderr)
-        columns, status = stop.columns, _STOPPED
-    folder = Path(arguments.output)
+        from periporo.materials.laboratory.plots import draw_plots  # only here: matplotlib is optional
+    except ImportError as error:
+        raise ImportError(f"pictures need matplotlib (pip install 'periporo[plot]'): {error}") from error
     folder.mkdir(parents=True, exist_ok=True)
-    table = folder / f"{path.name}.csv"
-    write_table(table, columns)
-    print(table)
-    _draw(material, columns, folder, path.name)
-    return status
-
-
-def _parse_stress(text: str | None) -> np.ndarray | None:
-    if text is None:
-        return None
-    try:
-        values = np.array([float(part) for part in text.split(",")])
-    except ValueError:
-        values = np.full(6, np.nan)
-    if len(values) == 1:
-        values = values[0] * np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
-    if len(values) != 6 or not np.isfinite(values).all():
-        message = f"one number or six are needed, separated by commas, not '{text}'"
-        raise InputError("--initial-stress", [Problem((), message)])
-    return values
-
-
-def write_table(file: Path, columns: dict[str, np.ndarray]) -> None:
-    """Write columns (m,) as CSV with 17 significant digits, which is exact."""
-    table = np.stack(list(columns.values()), axis=1)
-    np.savetxt(file, table, fmt="%.17g", delimiter=",", header=",".join(columns), comments="")
-
-
-def _draw(material: Material, columns: dict[str, np.ndarray], folder: Path, stem: str) -> None:
-    if importlib.util.find_spec("matplotlib") is None:
-        print("no plots: they need matplotlib (pip install 'periporo[plot]')", file=sys.stderr)
-        return
-    from periporo.materials.laboratory.plots import draw_plots  # only here: matplotlib is optional
-
-    for file in draw_plots(material, columns, folder, stem):
-        print(file)
+    return draw_plots(law, columns, folder, stem, measured)

@@ -1,10 +1,13 @@
 """One material point that is strained, deformed with rotation, or brought to a prescribed stress."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from periporo.core.numerics.tensors import from_matrix, to_matrix
-from periporo.core.points.material import Material, StepRefused, UpdatesFailed
+from periporo.core.points.material import BONDING, Material, StepRefused, UpdatesFailed, state_column
 from periporo.core.points.opening import advance_rows
+from periporo.materials.laboratory.water import SpecimenWater
 
 _WANTED = 1e-11  # error of a prescribed stress, of the largest stress or of 1e-6 K
 _ACCEPTED = 1e-7  # the same, where a law's own tolerance stops Newton's method before
@@ -22,21 +25,75 @@ class StressNotReached(PointStopped):
     """No strain was found that gives the prescribed stress."""
 
 
-class MaterialPoint:
-    """Stress (1, 6) Pa, state (1, k) and accumulated strain (6,) of one point."""
+@dataclass(frozen=True)
+class Control:
+    """Which strains are free, and which stresses decide them.
 
-    def __init__(self, material: Material, stress: np.ndarray, volume: float = 1.0, number: int = 0):
-        """`volume` (m^3) and `number` are what the law is told of the specimen's size and of the point's id."""
+    free: (6, m) directions of strain, orthonormal columns; stress: (m, 6), each row makes a number of the stress that
+    is prescribed; effective: (m,) whether that stress is the effective one, not the total.
+    """
+
+    free: np.ndarray
+    stress: np.ndarray
+    effective: np.ndarray
+
+    @classmethod
+    def of_components(cls, chosen: np.ndarray) -> "Control":
+        """The total stress components where `chosen` (6,) is true."""
+        unit = np.eye(6)[np.flatnonzero(chosen)]
+        return cls(unit.T, unit, np.zeros(len(unit), bool))
+
+
+class MaterialPoint:
+    """Effective stress (1, 6) Pa, state (1, k) and accumulated strain (6,) of one point, and its water if it has any.
+
+    Without water effective and total stress are the same.
+    """
+
+    def __init__(
+        self, material: Material, stress: np.ndarray, volume: float = 1.0, number: int = 0,
+        water: SpecimenWater | None = None,
+    ):  # fmt: skip
+        """The total `stress` at the start; `volume` (m^3) and `number` are what the law is told of size and id."""
         self.material = material
-        self.stress = np.array(stress, dtype=float).reshape(1, 6)
-        self.state = material.initial_state(self.stress, np.full((1, 2), number, np.int64), np.full(1, float(volume)))
+        self.water = water
         self.strain = np.zeros(6)
+        self.stress = np.array(stress, dtype=float).reshape(1, 6)
+        self.stress[:, :3] -= self.pore_stress(np.zeros(1))[:, None]
+        self.state = material.initial_state(self.stress, np.full((1, 2), number, np.int64), np.full(1, float(volume)))
+        self._bonding = state_column(material, BONDING.name, 6)
+
+    @property
+    def volumetric(self) -> float:
+        """The volumetric strain, tension positive."""
+        return float(self.strain[:3].sum())
+
+    def pore_stress(self, volumetric: np.ndarray) -> np.ndarray:
+        """What water adds to the normal stress, (n,) Pa at volumetric strains (n,)."""
+        return np.zeros(len(volumetric)) if self.water is None else self.water.pore_stress(volumetric)
+
+    @property
+    def total(self) -> np.ndarray:
+        """Total stress (6,) Pa."""
+        total = self.stress[0].copy()
+        total[:3] += self.pore_stress(np.array([self.volumetric]))
+        return total
+
+    def controlled(self, control: Control) -> np.ndarray:
+        """The present values (m,) of what a `control` prescribes."""
+        return np.where(control.effective, control.stress @ self.stress[0], control.stress @ self.total)
+
+    def _tell_bonding(self, state: np.ndarray) -> None:
+        """Write the bonding variable that the suction makes at the start of a step, as a run does."""
+        if self._bonding is not None and self.water is not None:
+            state[:, self._bonding] = self.water.bonding(self.volumetric)
 
     def strain_by(self, increment: np.ndarray, dt: float, halvings: int = _MOST_HALVINGS) -> None:
         """Advance by a strain increment (6,) over `dt` s, without rotation; in halves where the law refuses that.
 
         Raises PointStopped, with the point as it was before the part that did not work.
         """
+        self._tell_bonding(self.state)
         stress, state = self.stress.copy(), self.state.copy()
         problem = ""
         try:
@@ -50,6 +107,8 @@ class MaterialPoint:
                 problem, halvings = f"the law gives stress {self.stress[0]} Pa, state {self.state[0]}", 0
         if not problem:
             self.strain += increment
+            if self.water is not None and not self.water.drained:
+                self.water.pressure = float(self.water.at(np.array([self.volumetric]))[0][0])
             return
         self.stress[:], self.state[:] = stress, state
         if halvings == 0:
@@ -84,25 +143,23 @@ class MaterialPoint:
                 self.state[:, columns] = turned(self.state[:, columns])
             column = columns.stop
 
-    def reach(self, increment: np.ndarray, controlled: np.ndarray, target: np.ndarray, dt: float) -> None:
-        """Advance so that the stress components where `controlled` (6,) is true become `target` (6,) Pa.
+    def reach(self, increment: np.ndarray, control: Control, target: np.ndarray, dt: float) -> None:
+        """Advance so that what the `control` prescribes becomes `target` (m,).
 
-        `increment` (6,) holds the prescribed strain, and a first guess where stress is controlled; it is
-        completed in place. Raises StressNotReached, with the point as it was.
+        `increment` (6,) holds the prescribed strain, and a first guess of the free one; it is completed in place.
+        Raises StressNotReached, with the point as it was.
         """
-        unknown = np.flatnonzero(controlled)
         guesses = np.tile(increment, (2, 1))
-        guesses[1, unknown] = 0.0
+        guesses[1] -= control.free @ (control.free.T @ increment)
         bulk = float(self.material.elastic_moduli(self.stress, self.state)[0][0])
-        scale = max(np.abs(self.stress).max(), np.abs(target[unknown]).max(), 1e-6 * bulk)
-        best, residual = self._best(guesses, unknown, target, dt)
+        scale = max(np.abs(self.stress).max(), np.abs(target).max(), 1e-6 * bulk)
+        best, residual = self._best(guesses, control, target, dt)
         for _ in range(_MAX_ITERATIONS):
             if np.abs(residual).max() <= _WANTED * scale:
                 break
-            step = self._newton_step(best, residual, unknown, target, dt)
-            trials = np.tile(best, (len(_LINE_SEARCH), 1))
-            trials[:, unknown] += _LINE_SEARCH[:, None] * step
-            new, new_residual = self._best(trials, unknown, target, dt)
+            step = self._newton_step(best, residual, control, target, dt)
+            trials = best + _LINE_SEARCH[:, None] * (control.free @ step)
+            new, new_residual = self._best(trials, control, target, dt)
             if not np.linalg.norm(new_residual) < np.linalg.norm(residual):
                 break
             best, residual = new, new_residual
@@ -111,32 +168,35 @@ class MaterialPoint:
         increment[:] = best
         self.strain_by(best, dt)
 
-    def _residuals(self, increments, unknown, target, dt):
-        """Stress error (m, u) in Pa after each of the increments (m, 6), the point left alone."""
+    def _residuals(self, increments, control, target, dt):
+        """Error (n, m) of what is prescribed after each of the increments (n, 6), the point left alone."""
         stress = np.tile(self.stress, (len(increments), 1))
         state = np.tile(self.state, (len(increments), 1))
+        self._tell_bonding(state)
         try:
             advance_rows(self.material, stress, increments.copy(), state, dt)
         except (StepRefused, UpdatesFailed):
             if len(increments) == 1:
-                return np.full((1, len(unknown)), np.inf)
-            return np.concatenate([self._residuals(i[None], unknown, target, dt) for i in increments])
-        return stress[:, unknown] - target[unknown]
+                return np.full((1, len(target)), np.inf)
+            return np.concatenate([self._residuals(i[None], control, target, dt) for i in increments])
+        effective = stress @ control.stress.T
+        if self.water is None:
+            return effective - target
+        stress[:, :3] += self.pore_stress(self.volumetric + increments[:, :3].sum(axis=1))[:, None]
+        return np.where(control.effective, effective, stress @ control.stress.T) - target
 
-    def _best(self, increments, unknown, target, dt):
-        residuals = self._residuals(increments, unknown, target, dt)
+    def _best(self, increments, control, target, dt):
+        residuals = self._residuals(increments, control, target, dt)
         norms = np.linalg.norm(residuals, axis=1)
         index = int(np.argmin(np.where(np.isfinite(norms), norms, np.inf)))
         return increments[index].copy(), residuals[index]
 
-    def _newton_step(self, increment, residual, unknown, target, dt):
-        """Change (u,) of the unknown strains, by a numerical tangent with central differences."""
+    def _newton_step(self, increment, residual, control, target, dt):
+        """Change (m,) of the free strains, by a numerical tangent with central differences."""
         size = 1e-8 + 1e-4 * np.abs(increment).max()
-        count = len(unknown)
-        trials = np.tile(increment, (2 * count, 1))
-        trials[np.arange(count), unknown] += size
-        trials[count + np.arange(count), unknown] -= size
-        residuals = self._residuals(trials, unknown, target, dt)
+        count = len(target)
+        trials = increment + size * np.concatenate([control.free.T, -control.free.T])
+        residuals = self._residuals(trials, control, target, dt)
         tangent = (residuals[:count] - residuals[count:]).T / (2 * size)
         if not (np.isfinite(tangent).all() and np.isfinite(residual).all()):
             raise StressNotReached  # the law fails, or refuses to try

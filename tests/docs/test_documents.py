@@ -32,6 +32,7 @@ from periporo.core.water.pore_water import PoreWater
 from periporo.io.input.load import load_scene, parse_scene
 from periporo.io.input.yaml_source import parse_yaml
 from periporo.io.schema.scene import SceneInput
+from periporo.materials import read_test
 
 ROOT = Path(__file__).parents[2]
 ROOMS = ("core", "io", "materials", "contact", "benchmarks", "tests")
@@ -103,6 +104,8 @@ class Page:
         match language:
             case "yaml":
                 self.yaml(file, text)
+            case "csv":
+                assert file, "a table that is not saved"
             case "toml":
                 tomllib.loads(text)
             case "python":
@@ -127,7 +130,9 @@ class Page:
         data = parse_yaml(text).data
         if "dimension" in data:
             parse_scene(data)
-        elif "model" not in data:
+        elif "phases" in data:
+            read_test(data)
+        elif not {"model", "variants", "tests"} & set(data):
             assert set(data) <= set(SceneInput.model_fields), data
             if set(data) & {"checkpoint", "correspondence", "output", "monitor", "time_step"} == set(data):
                 parse_scene(SCENE | data)
@@ -152,7 +157,8 @@ class Page:
         """Inputs that a page takes for granted: a small scene, a law, a path."""
         for word in words if words[0] != "new" else ():
             if word.endswith(".yaml") and not Path(word).exists():
-                Path(word).write_text(yaml.safe_dump(LAW if words[0] == "drive" else SCENE))
+                given = SCENE if words[0] != "drive" else LAW if word == words[1] else TEST
+                Path(word).write_text(yaml.safe_dump(given))
             elif word.endswith(".csv") and not Path(word).exists():
                 Path(word).write_text("time_s,strain_yy\n0,0\n1,-0.01\n")
 
@@ -164,6 +170,7 @@ class Page:
         assert cli.main(words) == 0, line
 
 
+TEST = {"phases": [{"type": "isotropic", "stress": 1e5}]}
 LAW = {"model": "elastic", "density": 1760, "bulk_modulus": 25e6, "shear_modulus": 15e6}
 SCENE = {
     "dimension": 2, "spacing": 0.01, "gravity": [0, -9.81],

@@ -1,7 +1,7 @@
 """One driven point: closed forms, stress control, rotation, files and error messages."""
 
 import argparse
-import sys
+import importlib.util
 from typing import ClassVar
 
 import numpy as np
@@ -16,7 +16,9 @@ from periporo.materials.arena.variability import strength_factors
 from periporo.materials.cam_clay import CamClay
 from periporo.materials.drucker_prager import DruckerPrager
 from periporo.materials.elastic import Elastic
-from periporo.materials.laboratory.drive import DriveStopped, add_arguments, drive, load_material, run
+from periporo.materials.laboratory.command import add_arguments, run
+from periporo.materials.laboratory.drive import DriveStopped, drive
+from periporo.materials.laboratory.files import load_material
 from periporo.materials.laboratory.paths import (
     STRAIN_COLUMNS,
     STRESS_COLUMNS,
@@ -149,7 +151,7 @@ def test_tensor_state_turns_and_every_state_has_a_column():
             result[name.replace("stress", "copy")], result[name], rtol=1e-12, atol=1e-6
         )
     np.testing.assert_array_equal(result["pore_pressure"], -result["stress_xx"])
-    assert list(result)[:2] == ["time_s", "F11"] and list(result)[-1] == "double_xz"
+    assert list(result)[:2] == ["time_s", "F11"] and "double_xz" in result
     np.testing.assert_array_equal(result["double_xy"], 2 * result["stress_xy"])
     assert result["stress_xy"][-1] > 0.1 * MU
 
@@ -392,7 +394,7 @@ def test_command_writes_the_table_and_the_plots(tmp_path, capsys):
     out = tmp_path / "a" / "b"
     assert run(arguments(material, path, "-o", out, "-n", 3, "--initial-stress=-1e3")) == 0
     header, *rows = (out / "squeeze.csv").read_text().splitlines()
-    assert header == ",".join(["time_s", *STRAIN_COLUMNS, *STRESS_COLUMNS])
+    assert header.startswith(",".join(["time_s", *STRAIN_COLUMNS, *STRESS_COLUMNS]))
     expected = drive(load_material(material), read_path(path), 3, np.array([-1e3, -1e3, -1e3, 0, 0, 0]))
     table = np.array([[float(v) for v in row.split(",")] for row in rows])
     np.testing.assert_array_equal(table, np.stack(list(expected.values()), axis=1))
@@ -403,8 +405,7 @@ def test_command_writes_the_table_and_the_plots(tmp_path, capsys):
 
 
 def test_command_without_matplotlib_writes_the_table_and_a_note(tmp_path, capsys, monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    monkeypatch.delitem(sys.modules, "periporo.materials.laboratory.plots", raising=False)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     material = written(tmp_path, MATERIAL, "material.yaml")
     assert run(arguments(material, "isotropic:rows=3", "-o", tmp_path / "out")) == 0
     assert [f.name for f in (tmp_path / "out").iterdir()] == ["isotropic.csv"]

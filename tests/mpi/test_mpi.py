@@ -67,6 +67,14 @@ def two_soils():
     }  # fmt: skip
 
 
+def varied():
+    """Sand whose strength is a random field falls askew and comes apart, bonds between other points form."""
+    cohesion = {"field": "random", "mean": 400.0, "variation": 0.5, "length": 0.04, "seed": 2}
+    angle = {"field": "depth", "at": [0.0, 0.1], "values": [20.0, 35.0]}
+    scene = impact() | {"correspondence": "bond_projected"}
+    return scene | {"materials": {"sand": SAND | {"cohesion": cohesion, "friction_angle": angle}}}
+
+
 def landslide():
     """Debris slides down natural ground that all ranks share."""
     ground, release = (str(CONFIGS / name) for name in ("mountain.asc", "mountain_release.asc"))
@@ -131,6 +139,7 @@ def simulated(launch, by_folder, tmp_path_factory, scene_of):
     cases = [(scene.__name__, scene(), (1, 2, 3, 4)) for scene in MOVING]
     cases += [("sled", sled(), (1, 3)), ("few", few, (1, 5)), ("monitored", monitored, (1, 3))]
     cases += [("landslide", landslide(), (1, 3)), ("construction", construction(), (1, 3))]
+    cases += [("varied", varied(), (1, 3))]
     parent, files, said = tmp_path_factory.mktemp("simulated"), {}, {}
     for ranks in (1, 2, 3, 4, 5):
         for name, scene, numbers in cases:
@@ -153,8 +162,8 @@ def attributes(path):
         return dict(file["Run"].attrs)
 
 
-@pytest.mark.parametrize("name", ["landslide", "construction"])
-def test_ground_that_ranks_share_dig_and_shake_gives_the_same_bits(simulated, datasets, assert_same_bits, name):
+@pytest.mark.parametrize("name", ["landslide", "construction", "varied"])
+def test_ground_and_strength_that_ranks_share_give_the_same_bits(simulated, datasets, assert_same_bits, name):
     files = simulated[0]
     one = datasets(files[1, name])
     assert len(one["VTKHDF/Steps/Values"]) >= 5 and not np.isnan(one["VTKHDF/Points"]).any()

@@ -45,6 +45,8 @@ def a_law() -> None:
     law: Material = Spring(density=1000.0, stiffness=1e6)
     assert_type(check_material(law, 2).cycle_energy, float)
     assert_type(drive(law, built_in_path("triaxial", "rows=5")), dict[str, np.ndarray])
+    assert_type(periporo.drive({"model": "elastic"}, "test.yaml", pictures="out"), dict[str, np.ndarray])
+    assert_type(periporo.fit("soil.yaml", {"parameters": {}}).confidence, dict[str, float])
     assert_type(state_columns(law, component_count(3)), int)
     assert_type(from_matrix(to_matrix(np.zeros((1, 6))), 6), np.ndarray)
     assert_type(COMPONENTS[0], str)

@@ -16,9 +16,10 @@ STUDY = cases.Study(FILE)
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     """The lowest granular column on a coarse grid, at rest."""
-    case = replace(STUDY.cases[0], spacing=0.01)
+    study = cases.Study(FILE, 0.01)
+    case = study.cases[0]
     folder = tmp_path_factory.mktemp("study") / case.name
-    assert cases.run(STUDY, case, folder) == 0
+    assert cases.run(study, case, folder) == 0
     return case, folder
 
 

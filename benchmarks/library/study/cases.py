@@ -2,20 +2,14 @@
 
 from copy import deepcopy
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 
-from periporo.io.input.yaml_source import read_yaml
+from periporo.core.study.variants import read_study
 
 from .. import runs
 
 HALF_WIDTH = 0.05  # m
-FIELDS = [
-    "displacement", "velocity", "stress", "equivalent_shear_strain", "volumetric_strain", "integrity",
-    "contact_force", "friction_force",
-]  # fmt: skip
 SCENE, RESULT = "column.yaml", "column.vtkhdf"
-_KEYS = ("set", "height", "spacing", "friction", "suction", "variant", "duration")
 
 
 @dataclass(frozen=True)
@@ -45,53 +39,32 @@ class Study:
     """The study that the YAML file `path` describes; with a `spacing` (m) all cases have that one."""
 
     def __init__(self, path: Path, spacing: float | None = None):
-        text = read_yaml(path).data
-        self._base = read_yaml(path.parent / text["scene"]).data
-        self._change, self._sets, self._variants = text["change"], text["sets"], text["variants"]
-        expanded = (c for entry in text["cases"] for c in self._expand(text["defaults"] | entry, spacing))
-        self.cases = list(dict.fromkeys(expanded))
-
-    def _expand(self, entry, spacing):
-        """All combinations of the lists in one entry of `cases`. Raises ValueError for a key that is none."""
-        if unknown := set(entry) - set(_KEYS):
-            raise ValueError(f"cases: unknown key {', '.join(sorted(unknown))}; allowed are {', '.join(_KEYS)}")
-        lists = {k: v if isinstance(v, list) else [v] for k, v in entry.items()}
-        if spacing is not None:
-            lists["spacing"] = [spacing]
-        for values in product(*lists.values()):
-            chosen = dict(zip(lists, values, strict=True))
-            chosen.setdefault("friction", self._sets[chosen["set"]]["friction"])
-            yield Case(**chosen)
+        self._scenes = {}
+        for variant in read_study(path).variants:
+            scene = variant.scene.model_dump(mode="json", exclude_none=True)
+            if spacing is not None:
+                wall = HALF_WIDTH - spacing  # the outermost layer of points
+                scene["spacing"] = spacing
+                scene["boundaries"]["left"]["where"]["upper"][0] = -wall
+                scene["boundaries"]["right"]["where"]["lower"][0] = wall
+            self._scenes.setdefault(_case(variant.factors, scene), scene)
+        self.cases = list(self._scenes)
 
     def scene(self, case: Case) -> dict:
         """The input of a case, as `periporo` reads it."""
-        scene = deepcopy(self._base)
+        scene = deepcopy(self._scenes[case])
         scene["title"] = case.name
-        scene["spacing"] = case.spacing
-        scene["bodies"][0]["shape"] |= {"lower": [-HALF_WIDTH, 0.0], "upper": [HALF_WIDTH, case.height]}
-        wall = HALF_WIDTH - case.spacing  # the outermost layer of points
-        scene["boundaries"]["left"]["where"] = {"upper": [-wall, None]}
-        scene["boundaries"]["right"]["where"] = {"lower": [wall, None]}
-        scene["contacts"][0]["friction"] = case.friction
-        scene["stages"][-1]["duration"] = case.duration
-        if case.suction is not None:
-            scene["pore_water"] = {"suction": case.suction, "retention": {"set": "fitted"}}
-        scene["output"] = {"interval": 0.01, "fields": FIELDS, "history_interval": 100, "file": RESULT}
-        scene["checkpoint"] = {"interval": 120.0}
-        changes = self._change | self._sets[case.set]["change"]
-        if case.variant is not None:
-            changes |= self._variants[case.variant]
-        for path, value in changes.items():
-            _put(scene, path.split("."), value)
+        scene["output"]["file"] = RESULT
         return scene
 
 
-def _put(scene, path, value):
-    """Set the entry that a path of keys and of numbers in lists leads to."""
-    *above, last = (int(part) if part.isdigit() else part for part in path)
-    for part in above:
-        scene = scene[part]
-    scene[last] = value
+def _case(factors: dict, scene: dict) -> Case:
+    variant = factors.get("variant")
+    return Case(
+        factors["soil"], scene["bodies"][0]["shape"]["upper"][1], scene["spacing"], scene["contacts"][0]["friction"],
+        scene.get("pore_water", {}).get("suction"), None if variant == "as it is" else variant,
+        scene["stages"][-1]["duration"],
+    )  # fmt: skip
 
 
 def run(study: Study, case: Case, folder: Path) -> int:

@@ -1,0 +1,145 @@
+"""Values of fields at places: each place has its own, whatever others are asked for in the same call."""
+
+import csv
+import math
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from periporo.io.geometry.points import counted_from
+from periporo.io.geometry.rasters import read_raster
+from periporo.io.schema.fields import DepthField, LevelField, ParameterField, PointsField, RandomField, RasterField
+
+_CHUNK = 4_000_000  # distances at once
+_MODES = 1000  # waves of which a random field is the sum
+
+
+class FieldError(ValueError):
+    """A field cannot be evaluated; the message says why."""
+
+
+Heights = Callable[[np.ndarray], np.ndarray]
+
+
+def field_values(field: ParameterField, position: np.ndarray, depth: Heights, level: Heights) -> np.ndarray:
+    """Values (n,) of a field at positions (n, d) m, of which `depth` and `level` give (n,) m.
+
+    Raises FieldError where there is none.
+    """
+    match field:
+        case DepthField():
+            return np.interp(depth(position), field.at, field.values)
+        case LevelField():
+            return np.interp(level(position), field.at, field.values)
+        case RasterField():
+            return _of_raster(field, position)
+        case PointsField():
+            return _of_points(field, position)
+        case RandomField():
+            if isinstance(field.mean, float | int):
+                return _random(field, position, np.full(len(position), float(field.mean)))
+            return _random(field, position, field_values(field.mean, position, depth, level))
+
+
+def typical_value(field: ParameterField) -> float:
+    """A value of the field, for what asks a law before it has points. Raises FieldError."""
+    match field:
+        case DepthField() | LevelField():
+            return float(field.values[len(field.values) // 2])
+        case RasterField():
+            return float(np.nanmedian(_raster(field).level))
+        case PointsField():
+            return float(np.median(_points(field.file, field.column, Path(field.file).stat().st_mtime_ns)[1]))
+        case RandomField():
+            return float(field.mean) if isinstance(field.mean, float | int) else typical_value(field.mean)
+
+
+def _raster(field: RasterField):
+    try:
+        return read_raster(field)
+    except ValueError as error:
+        raise FieldError(f"{field.file}: {error}") from None
+
+
+def _of_raster(field, position):
+    raster = _raster(field)
+    values = raster.at(position)
+    none = np.isnan(values)
+    edge = 0.5 * raster.cell
+    outside = ((position[:, :2] < raster.corner - edge) | (position[:, :2] > raster.far_corner + edge)).any(axis=1)
+    bad = np.flatnonzero(none | outside)
+    if len(bad):
+        place = ", ".join(f"{x:.6g}" for x in position[bad[0]])
+        raise FieldError(f"{field.file}: it has no value at ({place}) m")
+    return values
+
+
+@lru_cache(maxsize=8)
+def _points(name: str, column: str, _modified: int) -> tuple[np.ndarray, np.ndarray]:
+    """Places (m, d) and values (m,) of a column."""
+    with open(name, encoding="utf-8-sig", newline="") as file:
+        header = [cell.strip() for cell in next(csv.reader([file.readline()]), [])]
+        axes = [axis for axis in "xyz" if axis in header]
+        if len(axes) < 2 or column not in header:
+            raise FieldError(f"{name}: its first line must hold x, y and '{column}', not {', '.join(header)[:60]}")
+        try:
+            table = np.loadtxt(file, delimiter=",", ndmin=2)
+        except ValueError as error:
+            raise FieldError(f"{name}: below the header: {str(error).partition(';')[0]}") from None
+    if table.shape[1] != len(header) or not np.isfinite(table).all():
+        raise FieldError(f"{name}: every line must have {len(header)} finite numbers")
+    return table[:, [header.index(axis) for axis in axes]], table[:, header.index(column)]
+
+
+def _of_points(field, position):
+    places, values = _points(field.file, field.column, Path(field.file).stat().st_mtime_ns)
+    if places.shape[1] != position.shape[1]:
+        raise FieldError(f"{field.file}: its points have {places.shape[1]} coordinates, the scene {position.shape[1]}")
+    if field._origin:
+        places = counted_from(places, field._origin)
+    rows = max(1, _CHUNK // len(places))
+    nearest = [_nearest(position[k : k + rows], places) for k in range(0, len(position), rows)]
+    return values[np.concatenate([np.empty(0, np.int64), *nearest])]
+
+
+def _nearest(position, places):
+    """Index (n,) of the nearest place; of several that are as near the first."""
+    square = sum((position[:, None, a] - places[None, :, a]) ** 2 for a in range(position.shape[1]))
+    return np.argmin(square, axis=1)
+
+
+def _random(field, position, means):
+    """Numbers of mean 0 and deviation 1, made into the distribution."""
+    d = position.shape[1]
+    lengths = field.length if isinstance(field.length, tuple) else (field.length,) * d
+    if len(lengths) != d:
+        raise FieldError(f"length must have {d} components, one along each axis, not {len(lengths)}")
+    absolute = position + np.array(field._origin) if field._origin else position
+    z = _generator(field.correlation, tuple(map(float, lengths)), field.seed)(absolute)
+    deviation = field.deviation if field.deviation is not None else field.variation * means
+    if field.distribution == "normal":
+        values = means + deviation * z
+    else:
+        variance = np.log1p((deviation / means) ** 2)
+        values = means * np.exp(np.sqrt(variance) * z - 0.5 * variance)
+    lowest = -math.inf if field.lowest is None else field.lowest
+    return np.clip(values, lowest, math.inf if field.highest is None else field.highest)
+
+
+@lru_cache(maxsize=16)
+def _generator(correlation: str, lengths: tuple[float, ...], seed: int) -> Heights:
+    try:
+        import gstools
+    except ImportError:
+        raise FieldError("random fields need gstools (pip install 'periporo[fields]')") from None
+    model = {"exponential": gstools.Exponential, "gaussian": gstools.Gaussian}[correlation]
+    field = gstools.SRF(model(dim=len(lengths), var=1.0, len_scale=list(lengths)), seed=seed, mode_no=_MODES)
+
+    def values(position):
+        if not len(position):
+            return np.empty(0)
+        return np.array(field(list(np.ascontiguousarray(position.T)), mesh_type="unstructured"), dtype=float)
+
+    return values
