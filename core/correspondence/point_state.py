@@ -165,10 +165,10 @@ class PointState(Standard):
         regularity.exchange(p, bonds.pairs, exchanging, self._dt)
         self._ends_are_known = True
 
-    def rearrange(self, particles, motions) -> None:
+    def rearrange(self, particles, motions, contacts, time: float, dt: float) -> None:
         """Move points that a flow brought too close together; what `motions` prescribe stays."""
         if self.regular:
-            regularity.rearrange(particles, motions)
+            regularity.rearrange(particles, motions, contacts, time, dt)
 
     def _describe_ends(self, p, bonds):
         """Find what links need of their ends: E, r and volumes."""

@@ -74,7 +74,6 @@ class Ledger:
             "internal_energy": -work["internal"],
             "external_work": work["external"],
             "contact_energy": -work["contact"],
-            "recovery_work": work["recovery"],
             "friction_dissipation": -work["friction"],
             "damping_dissipation": -work["damping"],
             "prescribed_work": work["prescribed"],
