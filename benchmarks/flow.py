@@ -3,16 +3,24 @@
     python -m benchmarks flow                       # three columns, H/dx = 20 and 40, one draw each; an hour
     python -m benchmarks flow --rows 20 --heights 0.1 --seeds 1 2 3 4
     python -m benchmarks flow --scheme '{"scheme": "point_state", "sharpened": true}'
+    python -m benchmarks flow --rows 20 --heights 0.1 --turned 30 --at 500000 4000000
+    python -m benchmarks flow --rows 20 40 80 --heights 0.1 --bulk 2.5e6 --figure docs/figures/flow.png
 
 A column of `--heights` (m) and a width of .1 m of isochoric, cohesionless Drucker-Prager sand (phi 30) collapses on a
 rough floor. A row of the table is one output: area that the connected deposit covers over its first (a filled
 outline), sum of its points' volumes over the first, first and last percentile of the points' volumes, scatter of the
 vertical stress in soil that flows (shear rate above 3 1/s) and rests (below .3 1/s), run-out and height. A seed other
 than 0 shakes the lattice by 1e-9 m: what it changes is the scatter that a chaotic flow has.
+
+Run-out is how far beyond the column the cells of 99 % of all its soil reach, over the half-width, and height is the top
+of the cells of 99 % of the connected soil. Loose grains at the front are soil, too: a coarse front comes apart into
+more of them. *internal* is the least internal energy so far over the potential energy of the column.
 """
 
 import json
 import math
+import tempfile
+from pathlib import Path
 
 import numpy as np
 
@@ -20,19 +28,23 @@ import periporo
 from periporo.core.points import fields
 
 from . import option_parser
-from .library.deposits import connected, covered_area, scatter
+from .library.deposits import connected, covered_area, profile, scatter
 
 WIDTH, DENSITY = 0.1, 1800.0
 FLOWING, RESTING = 3.0, 0.3  # 1/s
-_HEAD = "| H, m | H/dx | seed | t, s | steps | area | volumes | 1 % | 99 % | flow | rest | run-out | height | loose |"
+_UPRIGHT = np.eye(2)
+_HEAD = (
+    "| H, m | H/dx | seed | t, s | steps | area | volumes | 1 % | 99 % | flow | rest | run-out | height | loose "
+    "| internal |"
+)
 
 
-def column(height: float, rows: int, duration: float, *, psi: float = 0.0, scheme=None) -> dict:
-    """The scene of a column, m and s."""
+def column(height: float, rows: int, duration: float, *, bulk: float = 25e6, scheme=None, **law) -> dict:
+    """The scene of a column, m and s, of sand with a `bulk` modulus in Pa; `law` holds more of its parameters."""
     sand = {
-        "model": "drucker_prager", "density": DENSITY, "bulk_modulus": 25e6, "shear_modulus": 15e6, "cohesion": 0.0,
-        "friction_angle": 30.0, "dilation_angle": psi,
-    }  # fmt: skip
+        "model": "drucker_prager", "density": DENSITY, "bulk_modulus": bulk, "shear_modulus": 0.6 * bulk,
+        "cohesion": 0.0, "friction_angle": 30.0, "dilation_angle": 0.0,
+    } | law  # fmt: skip
     box = {"type": "box", "lower": [-0.5 * WIDTH, 0.0], "upper": [0.5 * WIDTH, height]}
     scene = {
         "dimension": 2, "spacing": height / rows, "gravity": [0, -9.81], "materials": {"sand": sand},
@@ -43,47 +55,81 @@ def column(height: float, rows: int, duration: float, *, psi: float = 0.0, schem
     return scene | ({"correspondence": scheme} if scheme else {})
 
 
-def measure(sim, height: float) -> dict[str, float]:
-    """The figures of the present state of a column on this rank alone."""
+def turned(scene: dict, rotation: np.ndarray, place, folder: str) -> dict:
+    """The scene turned by `rotation` (2, 2) about the middle of its floor, which then is at `place` (2,) m.
+
+    A lattice is level, so the points are written to `folder`.
+    """
+    (body,), (floor,), spacing = scene["bodies"], scene["contacts"], scene["spacing"]
+    lower, upper = (np.array(body["shape"][end]) for end in ("lower", "upper"))
+    axes = (np.arange(k) for k in np.rint((upper - lower) / spacing).astype(int))
+    points = lower + (np.stack(np.meshgrid(*axes), -1).reshape(-1, 2) + 0.5) * spacing
+    file = Path(folder) / "points.csv"
+    np.savetxt(file, points @ rotation.T + place, delimiter=",", header="x,y", comments="", fmt="%.17g")
+    return scene | {
+        "gravity": (rotation @ scene["gravity"]).tolist(),
+        "bodies": [body | {"shape": {"type": "points", "file": str(file)}}],
+        "contacts": [floor | {"point": list(place), "normal": (rotation @ floor["normal"]).tolist()}],
+    }
+
+
+def seen(sim, rotation, place) -> np.ndarray:
+    """Positions (n, 2) m in axes that were `turned` with the scene."""
+    return (sim.particles.position[: sim.particles.owned] + (sim.origin - place)) @ rotation
+
+
+def measure(sim, height: float, rotation=_UPRIGHT, place=(0.0, 0.0)) -> dict[str, float]:
+    """The figures of the present state of a column on this rank alone, which was `turned`."""
     p, n = sim.particles, sim.particles.owned
-    position, volume = p.position[:n], p.present_volume()
+    position, volume = seen(sim, rotation, place), p.present_volume()
     own = connected(position, sim.spacing)
     share = volume[own] / p.volume[:n][own]
-    stress = fields.values(sim, ["stress"])["stress"][:, 1]
+    up, tensor = rotation[:, 1], fields.values(sim, ["stress"])["stress"]
+    stress = tensor[:, 0] * up[0] ** 2 + tensor[:, 1] * up[1] ** 2 + 2.0 * tensor[:, 3] * up[0] * up[1]
     g = p.gradient[:n].reshape(-1, 2, 2)
     rate = np.hypot(g[:, 0, 0] - g[:, 1, 1], g[:, 0, 1] + g[:, 1, 0])
     least = 0.1 * DENSITY * 9.81 * height
     scatters = [
         scatter(position, stress, sim.spacing, own & chosen, least) for chosen in (rate > FLOWING, rate < RESTING)
     ]
-    front = np.quantile(np.abs(position[own, 0]), 0.99)
+    front = np.quantile(np.abs(position[:, 0]), 0.99) + 0.5 * sim.spacing
+    top = np.quantile(position[own, 1], 0.99) + 0.5 * sim.spacing
     return {
         "time": sim.time, "steps": sim.step_number,
         "area": covered_area(position[own], sim.spacing) / p.volume[:n][own].sum(),
         "volumes": volume[own].sum() / p.volume[:n][own].sum(),
         "least volume": np.quantile(share, 0.01), "largest volume": np.quantile(share, 0.99),
         "scatter in flow": scatters[0], "scatter at rest": scatters[1],
-        "run-out": (front - 0.5 * WIDTH) / (0.5 * WIDTH), "height": np.quantile(position[own, 1], 0.99) / height,
+        "run-out": (front - 0.5 * WIDTH) / (0.5 * WIDTH), "height": top / height,
         "loose": int((~own).sum()),
     }  # fmt: skip
 
 
-def collapse(scene: dict, height: float, times, seed: int = 0):
+def collapse(scene: dict, height: float, times, seed: int = 0, rotation=_UPRIGHT, place=(0.0, 0.0)):
     """Run the column and yield its figures at `times` (s) and at the end; the simulation with them."""
-    sim = periporo.Simulation.from_scene(scene)
+    if not np.array_equal(rotation, _UPRIGHT) or any(place):
+        with tempfile.TemporaryDirectory() as folder:
+            sim = periporo.Simulation.from_scene(turned(scene, rotation, place, folder))
+    else:
+        sim = periporo.Simulation.from_scene(scene)
     if seed:
         n = sim.particles.owned
         sim.particles.position[:n] += 1e-9 * np.random.default_rng(seed).uniform(-1, 1, (n, 2))
-    left, found = list(times), []
+    left, found, least = list(times), [], [0.0]
+    fallen = 0.5 * DENSITY * 9.81 * height**2 * WIDTH  # J/m, potential energy of the column
+
+    def note():
+        found.append(measure(sim, height, rotation, place) | {"least internal energy": least[0] / fallen})
 
     def look(sim):
+        least[0] = min(least[0], sim.ledger.rough_entries()["internal_energy"])
         if left and sim.time >= left[0]:
             left.pop(0)
-            found.append(measure(sim, height))
+            note()
 
     sim.call_every(10, look)
     sim.run()
-    found.append(measure(sim, height))
+    note()
     return sim, found
 
 
@@ -95,24 +141,54 @@ def row(height: float, rows: int, seed: int, figures: dict) -> str:
         for name in ("area", "volumes", "least volume", "largest volume", "scatter in flow", "scatter at rest",
                      "run-out", "height")
     )  # fmt: skip
-    return f"| {height:g} | {rows} | {seed} | {f['time']:.2f} | {f['steps']} | {numbers} | {f['loose']} |"
+    head = f"| {height:g} | {rows} | {seed} | {f['time']:.2f} | {f['steps']} |"
+    return f"{head} {numbers} | {f['loose']} | {f['least internal energy']:.1e} |"
+
+
+def draw(path: Path, deposits) -> None:
+    """Surfaces of `deposits`, (label, positions (n, 2) m, spacing m) each, and how much of their soil lies farther out.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 4.4), layout="constrained")
+    shape, tail = figure.subplots(2, 1, sharex=True)
+    for label, position, spacing in deposits:
+        shape.plot(*profile(position[connected(position, spacing)], spacing), label=label)
+        out = np.sort(np.abs(position[:, 0]) + 0.5 * spacing)[::-1]
+        tail.plot(out, np.arange(1, len(out) + 1) / len(out), label=label)
+    shape.set(ylabel="height, m", xlim=(0.0, None))
+    tail.set(ylabel="part of the soil farther out", xlabel="distance from the middle, m", yscale="log")
+    shape.legend(fontsize="small")
+    figure.savefig(path, dpi=150)
 
 
 def main(words=None) -> None:
-    """Print the table."""
+    """Print the table, and draw."""
     options = option_parser(__name__, __doc__)
     options.add_argument("--heights", type=float, nargs="+", default=[0.05, 0.1, 0.2], help="m")
     options.add_argument("--rows", type=int, nargs="+", default=[20, 40], help="points over the height")
     options.add_argument("--seeds", type=int, nargs="+", default=[0])
+    options.add_argument("--bulk", type=float, default=25e6, help="bulk modulus, Pa")
     options.add_argument("--psi", type=float, default=0.0, help="angle of dilation, degrees")
+    options.add_argument("--largest-dilation", type=float, help="volumetric strain at which dilation ends")
+    options.add_argument("--turned", type=float, default=0.0, help="degrees by which the scene is turned")
+    options.add_argument("--at", type=float, nargs=2, default=[0.0, 0.0], help="where the scene is, m")
     options.add_argument("--scheme", type=json.loads, help="correspondence, as JSON; by default the program's")
     options.add_argument("--duration", type=float, default=0.6, help="s")
+    options.add_argument("--figure", type=Path, help="draw the deposits")
     chosen = options.parse_args(words)
+    turn = math.radians(chosen.turned)
+    rotation = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    law = {"dilation_angle": chosen.psi, "largest_dilation": chosen.largest_dilation}
+    deposits = []
     print(_HEAD + "\n" + "|---" * (_HEAD.count("|") - 1) + "|", flush=True)
     for height in chosen.heights:
         for rows in chosen.rows:
             for seed in chosen.seeds:
-                scene = column(height, rows, chosen.duration, psi=chosen.psi, scheme=chosen.scheme)
-                _, found = collapse(scene, height, (0.1, 0.2, 0.3), seed)
+                scene = column(height, rows, chosen.duration, bulk=chosen.bulk, scheme=chosen.scheme, **law)
+                sim, found = collapse(scene, height, (0.1, 0.2, 0.3), seed, rotation, chosen.at)
+                deposits.append((f"H/dx = {rows}", seen(sim, rotation, chosen.at), sim.spacing))
                 for figures in found:
                     print(row(height, rows, seed, figures), flush=True)
+    if chosen.figure:
+        draw(chosen.figure, deposits)

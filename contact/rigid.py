@@ -4,14 +4,13 @@ A point stands for a cell, whose face (`periporo.core.points.faces`) is what tou
 where the cell ends: half a spacing from the point at first, and as the cell is squeezed between point and surface, or
 stretched, its reach l follows the point's velocity gradient L along the normal n,
 
-    dl/dt = d n . L n - 10 |D| (l - l_0),
+    dl/dt = d n . L n,
 
 with d the lever of the face, the distance g of the point from the surface; beyond .7 spacings it falls to 0 at a
 spacing. The overlap h = l - g has the rate of the face's approach, so that the normal force k h has the potential
-k h^2 / 2 and a closed path of small strain gains no energy. Soil that flows changes its neighbours and not its spacing:
-therefore a tenth of strain (D is the rate) lets a cell forget how it was squeezed, and one that is off the surface by
-more than a tenth of a spacing has its first reach l_0 again. What lifts a cell that forgets is the work `recovery`: its
-half at the surface so counts as rigid.
+k h^2 / 2 and a closed path gains no energy. A cell that is off the surface by more than a tenth of a spacing has its
+first reach again. Soil that flows changes its neighbours and not its spacing: where a scheme rearranges its points,
+`guide` moves point and cell together, without a change of force.
 
 The tangential force is a spring on the face from where it began to stick; where it would exceed friction times the
 normal force, the spring is cut to that and the face slides (Cundall & Strack 1979). The channel `contact` holds the
@@ -28,7 +27,7 @@ from periporo.contact.surfaces import Surface
 from periporo.core.numerics.jit import inlined, kernel
 from periporo.core.numerics.tensors import square_lengths
 from periporo.core.points.faces import add_face_force, face_velocity
-from periporo.core.points.forces import CONTACT, RECOVERY, ForceChannels
+from periporo.core.points.forces import ForceChannels
 from periporo.core.points.particles import Field, Particles
 
 _LOOKS = 100  # along the way of an obstacle
@@ -36,7 +35,6 @@ _HASTE = 1.5  # times the present speed, which points may reach before they are 
 _SOON = 1.5  # reaches within which a point counts as one that may touch soon
 _OFF = 0.2  # reaches
 _HELD = 4.0  # reaches, beyond which no point holds a spring, or a memory of being squeezed
-_MEMORY = 0.1  # strain in which a cell forgets its stretch
 _WHOLE = 1.4  # reaches up to which the lever is the distance from the surface; it is 0 at 2
 FAR = 8.0
 """Reaches within which a surface must know how far a point is: what fast points cover before they are looked at again.
@@ -112,8 +110,7 @@ class RigidContact:
             _contact_force(
                 rows, gap, np.ascontiguousarray(normal), p.velocity, p.gradient, p.share, obstacle, p.mass, dt,
                 self.reach, self.stiffness, self.friction, self.damping, getattr(p, self.spring),
-                getattr(p, self.cell), p.contact_force, p.contact_moment, p.friction_force, p.friction_moment, p.work,
-                p.dim,
+                getattr(p, self.cell), p.contact_force, p.contact_moment, p.friction_force, p.friction_moment, p.dim,
             )  # fmt: skip
         if self.reaction is not None:
             self.reaction.take(p, rows, before, self.pose, dt)
@@ -171,6 +168,27 @@ class RigidContact:
         held = soon | (getattr(p, self.cell)[rows, 1] > 0.0)
         return rows[held], gap[held], np.ascontiguousarray(normal[held])
 
+    def guide(self, p: Particles, room, part, way: np.ndarray, lift: np.ndarray) -> None:
+        """Rearrange the points that it holds, whose faces stay where they are.
+
+        Of the `way` (awake, d) m of these points what leads along the normal goes to `lift` (awake, d) m, not nearer to
+        the surface than `room` (awake,) m; and a point that is nearer is lifted by `part` (awake,) of what is missing,
+        as it would be by its mirror image. The cell grows as much as the point is lifted.
+        """
+        rows = self._near(p, self.pose)
+        rows = rows[rows < len(part)]  # not those that sleep
+        rows = rows[part[rows] > 0.0]
+        gap, normal = self._gap(p.position[rows], self.pose)
+        cell = getattr(p, self.cell)
+        held = gap - self.reach < cell[rows].max(axis=1, initial=-np.inf)
+        rows, gap, normal = rows[held], gap[held], normal[held]
+        along = (way[rows] * normal).sum(axis=1)
+        missing = np.maximum(room[rows] - gap, 0.0)
+        up = np.maximum(along, np.minimum(room[rows] - gap, 0.0)) + part[rows] * missing
+        way[rows] -= along[:, None] * normal
+        lift[rows] += up[:, None] * normal
+        cell[rows, 1] += up
+
     def outline(self, p: Particles, time: float, middle: np.ndarray, size: float):
         """How the obstacle is drawn at this time, see `Surface.outline`."""
         pose = self._pose_at(time)
@@ -187,9 +205,9 @@ class RigidContact:
         gaps = (self._gap(x, self.motion.pose(t))[0] for t in np.linspace(time, until, _LOOKS))
         return any(gap.min(initial=np.inf) < self.reach for gap in gaps)
 
-    def within_reach(self, p: Particles, time: float) -> np.ndarray:
+    def within_reach(self, p: Particles) -> np.ndarray:
         """Owned rows of the points that it may touch soon."""
-        return self._near(p, self._shift(p, time))
+        return self._near(p, self.pose)
 
     def memory(self) -> dict:
         """What a checkpoint keeps."""
@@ -251,16 +269,6 @@ def _set_lever(gap, normal, k, reach, integrity, lever):
         lever[a] = -length * normal[k, a]
 
 
-@inlined
-def _strain_rate(gradient, i, d):
-    """|D| of point i, 1/s."""
-    square = 0.0
-    for a in range(d):
-        for b in range(d):
-            square += (0.5 * (gradient[i, d * a + b] + gradient[i, d * b + a])) ** 2
-    return np.sqrt(square)
-
-
 @kernel
 def _resist(rows, gap, normal, velocity, gradient, share, reach, stiffness, sticks, force, moment, dim):
     d = len(dim)
@@ -280,7 +288,7 @@ def _resist(rows, gap, normal, velocity, gradient, share, reach, stiffness, stic
 @kernel
 def _contact_force(
     rows, gap, normal, velocity, gradient, share, obstacle, mass, dt, reach, stiffness, friction, damping, spring,
-    cell, contact, contact_moment, shear, shear_moment, work, dim,
+    cell, contact, contact_moment, shear, shear_moment, dim,
 ):  # fmt: skip
     d = len(dim)
     lever, face, load = np.zeros(d), np.zeros(d), np.zeros(d)
@@ -300,9 +308,7 @@ def _contact_force(
             face[a] -= obstacle[k, a]
             approach += face[a] * normal[k, a]
             own += (velocity[i, a] - obstacle[k, a]) * normal[k, a]
-        squeezed = cell[i, 1] + dt * (own - approach)
-        kept = 1.0 / (1.0 + dt * _strain_rate(gradient, i, d) / _MEMORY)
-        cell[i, 1] = cell[i, 0] + kept * (squeezed - cell[i, 0])
+        cell[i, 1] += dt * (own - approach)
         overlap = reach + cell[i, 1] - gap[k]
         if overlap <= 0.0:
             for a in range(d):
@@ -310,9 +316,6 @@ def _contact_force(
             continue
         viscous = 2.0 * damping * np.sqrt(stiffness * mass[i])
         elastic = stiffness * overlap
-        forgotten = elastic * (cell[i, 1] - squeezed)
-        work[i, CONTACT] -= forgotten
-        work[i, RECOVERY] += forgotten
         pressure = elastic - viscous * own
         if pressure < 0.0:
             pressure = 0.0

@@ -167,10 +167,10 @@ class PointState(Standard):
         regularity.exchange(p, bonds.pairs, exchanging, self._dt)
         self._ends_are_known = True
 
-    def rearrange(self, particles, motions) -> None:
+    def rearrange(self, particles, motions, contacts, dt: float) -> None:
         """Move points that a flow brought too close together; what `motions` prescribe stays."""
         if self.regular:
-            regularity.rearrange(particles, motions)
+            regularity.rearrange(particles, motions, contacts, dt)
 
     def stop_flow(self, particles, rows: np.ndarray) -> None:
         """Points in `rows` stop to flow."""

@@ -33,7 +33,7 @@ SHEAR_SHARE = 0.3  # of the exchange for the deviator
 VISCOSITY = 0.2  # of rho c l
 MEMORY = 0.075  # of the activity, per Courant number
 SENSITIVITY = 0.1  # part of the trial stress that a law takes away in a step, over what it keeps, for a half
-NEAREST = 0.96  # size of points, over the side of a cube of their volume, below which they move apart
+NEAREST = 1.0  # size of points, over the side of a cube of their volume, below which they move apart
 REARRANGED = 6.0  # part of the overlap that a shear strain of 1 takes away
 MOST_REARRANGED = 0.01  # of an overlap, in one step
 
@@ -44,7 +44,7 @@ _VISCOUS, _EXCHANGED, _REARRANGED = range(3)  # columns of the field `flow_work`
 def fields(dimension: int, components: int) -> tuple[Field, ...]:
     """What points need for it."""
     return (
-        Field("flow", 5, "Pa, 1, m, 1/s, 1", migrates=False),
+        Field("flow", 5, "Pa, 1, m, 1/s, 1"),
         Field("flow_stress", components, "Pa", migrates=False),
         Field("rearrangement", dimension, "m"),
         Field("exchanged_strain", None, "1", sent=False),
@@ -91,15 +91,27 @@ def stop(p, rows: np.ndarray) -> None:
     p.flow[rows, ACTIVITY] = p.flow[rows, RATE] = p.flow[rows, PART] = 0.0
 
 
-def rearrange(p, motions) -> None:
+def rearrange(p, motions, contacts, dt: float) -> None:
     """Move points by their rearrangement; components that `motions` prescribe stay. Volumes follow what was exchanged.
+
+    Obstacles among the `contacts` are mirrors: they guide the points that they hold.
     """
+    n = p.awake
+    way, lift, free = p.rearrangement[:n], np.zeros((n, p.dimension)), np.ones((n, p.dimension))
     for motion in motions:
-        motion.hold_zero(p, p.rearrangement)
-    if "contact_force" in p.fields:
-        _stay_out(p.awake, p.contact_force, p.rearrangement, p.dim)
+        motion.hold_zero(p, way)
+        motion.hold_zero(p, free)
+    flow = p.flow[:n]
+    part = np.minimum(REARRANGED * dt * flow[:, ACTIVITY] * flow[:, RATE], MOST_REARRANGED) * free.all(axis=1)
+    for contact in contacts:
+        if hasattr(contact, "guide"):
+            contact.guide(p, 0.5 * NEAREST * flow[:, SIZE], part, way, lift)
     forces = tuple(getattr(p, f"{name}_force") for name in ("external", "contact") if f"{name}_force" in p.fields)
-    _rearrange(p.awake, p.rearrangement, p.position, p.exchanged_strain, p.dilation, forces, p.flow_work, p.dim)
+    if "contact_force" in p.fields:
+        _stay_out(n, p.contact_force, way, p.dim)
+    _rearrange(n, way, p.position, p.exchanged_strain, p.dilation, forces, p.flow_work, p.dim)
+    external = (p.external_force,) if "external_force" in p.fields else ()
+    _rearrange(n, lift, p.position, np.zeros(n), p.dilation, external, p.flow_work, p.dim)
 
 
 @kernel

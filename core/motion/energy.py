@@ -92,7 +92,6 @@ class Ledger:
             "internal_energy": -work["internal"],
             "external_work": work["external"],
             "contact_energy": float(given[0]) - work["contact"],
-            "recovery_work": work["recovery"],
             "friction_dissipation": float(given[1]) - work["friction"],
             "damping_dissipation": -work["damping"],
             "prescribed_work": work["prescribed"],

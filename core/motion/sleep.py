@@ -177,5 +177,5 @@ def _moved_by_others(sim) -> np.ndarray:
         moved |= velocity.any(axis=1) | ~free.all(axis=1)
     for contact in sim.contacts:
         if getattr(contact, "velocity", None) is not None:
-            moved[contact.within_reach(p, sim.time)] = True
+            moved[contact.within_reach(p)] = True
     return moved

@@ -5,12 +5,12 @@ import numpy as np
 from periporo.core.numerics.jit import kernel
 from periporo.core.points.particles import Field, Particles
 
-WORK = ("internal", "external", "contact", "recovery", "friction", "damping", "prescribed", "integration")
+WORK = ("internal", "external", "contact", "friction", "damping", "prescribed", "integration")
 """Columns of the point field `work` (J): force channels, constraints, and the time integrator's own term."""
 FLOW_WORK = ("viscous_dissipation", "exchange_dissipation", "rearrangement_work")
 """Columns of the point field `flow_work` (J) of schemes that keep flowing points regular."""
-INTERNAL, CONTACT, RECOVERY, PRESCRIBED, INTEGRATION = (
-    WORK.index(name) for name in ("internal", "contact", "recovery", "prescribed", "integration")
+INTERNAL, PRESCRIBED, INTEGRATION = (
+    WORK.index(name) for name in ("internal", "prescribed", "integration")
 )
 
 

@@ -29,8 +29,8 @@ _COMPANY = 0.15  # weight of a point's neighbours over that of any other's, from
 _SUSPECT = 0.25  # speed over wave speed, as it was when the state was kept, from which on neighbours are compared
 _WARM_UP = 100  # steps of a motion before its energy is judged: a start from rest has hardly done any work
 _TURNED_OVER = (
-    "kinetic_energy", "internal_energy", "external_work", "contact_energy", "recovery_work",
-    "friction_dissipation", "damping_dissipation", "prescribed_work",
+    "kinetic_energy", "internal_energy", "external_work", "contact_energy", "friction_dissipation",
+    "damping_dissipation", "prescribed_work",
 )  # fmt: skip
 
 

@@ -10,8 +10,7 @@ from periporo.io.pictures.drawing import STYLE, PointPicture, extent_of, require
 
 LEDGER = {  # history name -> colour; the energies of a run, J
     "kinetic_energy": "#1f77b4", "internal_energy": "#d62728", "external_work": "#2b2b2b",
-    "prescribed_work": "#8c8c8c", "contact_energy": "#9467bd", "recovery_work": "#17becf",
-    "friction_dissipation": "#ff7f0e",
+    "prescribed_work": "#8c8c8c", "contact_energy": "#9467bd", "friction_dissipation": "#ff7f0e",
     "damping_dissipation": "#2ca02c", "plastic_dissipation": "#e377c2",
 }
 RESIDUAL = "energy_residual"

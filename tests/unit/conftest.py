@@ -9,8 +9,8 @@ from mpi4py import MPI
 from periporo.core import cli
 from periporo.io.output.writer import ResultWriter
 
-ENERGIES = ("kinetic_energy", "internal_energy", "external_work", "contact_energy", "recovery_work",
-            "friction_dissipation", "damping_dissipation", "prescribed_work", "energy_residual")
+ENERGIES = ("kinetic_energy", "internal_energy", "external_work", "contact_energy", "friction_dissipation",
+            "damping_dissipation", "prescribed_work", "energy_residual")
 
 
 def write_heap(path, *, dimension=2, outputs=3, histories=True, strain=True, configuration=True, **options):

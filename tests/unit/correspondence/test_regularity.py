@@ -140,7 +140,7 @@ def test_a_column_of_sand_covers_its_area_and_makes_no_energy(scene_of, psi, end
     entries = sim.ledger.entries()
     assert min(least) > -1e-3 * fallen
     assert abs(entries["energy_residual"] - entries["integration_term"]) < 1e-11 * fallen
-    assert abs(entries["rearrangement_work"]) < 0.03 * fallen
+    assert abs(entries["rearrangement_work"]) < 0.04 * fallen
     distance = np.linalg.norm(p.position[:n, None] - p.position[None, :n], axis=2) + np.eye(n)
     nearest = np.sort(distance, axis=1)[:, 0] / SPACING
     volume = p.dilation

@@ -34,8 +34,7 @@ def test_what_leaves_is_counted_and_the_ledger_closes(table, tmp_path):
         assert np.abs(unexplained).max() < 1e-12 * results.history("kinetic_energy").max()
         gained = results.history("kinetic_energy") + energy - results.history("kinetic_energy")[0]
         works = (results.history("external_work") - results.history("internal_energy")
-                 - results.history("contact_energy") + results.history("recovery_work")
-                 - results.history("friction_dissipation"))  # fmt: skip
+                 - results.history("contact_energy") - results.history("friction_dissipation"))  # fmt: skip
         assert gained - works == pytest.approx(results.history("integration_term"), rel=0, abs=1e-11 * gained.max())
         probe = results.history("point_0_velocity_x")
         assert probe[0] == 0.6 and np.isnan(probe[-1])

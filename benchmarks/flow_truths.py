@@ -1,0 +1,125 @@
+"""Flows whose answers are known: a layer that slides down a rough slope, and a dam of nearly frictionless soil.
+
+    python -m benchmarks flow_truths                # both, and the cost; a few minutes
+    python -m benchmarks flow_truths --only slope --rows 16 32
+
+*slope*: a layer of sand (friction 30 degrees, no dilation) on a rough plane of 35 degrees. A layer that shears at
+constant volume bears tau/sigma = sin(phi) (Davis 1968), so that all of it is accelerated by g (sin(35) - cos(35)
+sin(30)). The figure is the acceleration of the middle third, which its ends do not reach in the time, over that.
+
+*dam*: soil of 1 degree and four heights long lets go at once on a smooth floor. Figures are the places where the depth
+is .6, .4 and .2 of the first over those of Ritter (1892), (2 - 3 sqrt(h/H)) sqrt(gH) t, in dam heights from the dam,
+their difference; the front over 2 sqrt(gH) t; and the area over the first.
+
+*cost*: processor time per step of a collapsing column with `regular` over that without, the two in turns, and the ratio
+of their steps for the same time.
+"""
+
+import time
+
+import numpy as np
+
+import periporo
+
+from . import option_parser
+from .flow import column
+from .library.deposits import connected, covered_area, profile
+
+GRAVITY = 9.81
+_SAND = {
+    "model": "drucker_prager", "density": 1800.0, "bulk_modulus": 2.5e6, "shear_modulus": 1.5e6, "cohesion": 0.0,
+    "dilation_angle": 0.0,
+}  # fmt: skip
+
+
+def _simulation(spacing, upper, friction_angle, gravity, contacts, duration):
+    return periporo.Simulation.from_scene({
+        "dimension": 2, "spacing": spacing, "gravity": gravity,
+        "materials": {"soil": _SAND | {"friction_angle": friction_angle}},
+        "bodies": [{"name": "soil", "material": "soil", "shape": {"type": "box", "lower": [0, 0], "upper": upper}}],
+        "contacts": [{"type": "plane", "point": [0, 0], "damping": 0.2} | contact for contact in contacts],
+        "stages": [{"name": "flow", "type": "dynamics", "duration": duration}],
+    })  # fmt: skip
+
+
+def slope(rows: int, angle: float = 35.0, depth: float = 0.1, start: float = 0.1, duration: float = 0.25) -> float:
+    """Acceleration of a layer of `rows` points of `depth` m on a slope of `angle` degrees over the exact one.
+
+    It is that between `start` and `duration` s: at first the layer settles, since it begins without stress.
+    """
+    theta, length = np.radians(angle), 10.0 * depth
+    sim = _simulation(
+        depth / rows, [length, depth], 30.0, [GRAVITY * np.sin(theta), -GRAVITY * np.cos(theta)],
+        [{"normal": [0, 1], "friction": 1.0}], duration,
+    )  # fmt: skip
+    p, n = sim.particles, sim.particles.owned
+    middle = p.id[:n][np.abs(p.position[:n, 0] - 0.5 * length) < length / 6.0]
+    rate = []
+
+    def look(sim):
+        if sim.time >= start:
+            rate.append((sim.time, p.velocity[:n][np.isin(p.id[:n], middle), 0].mean()))
+
+    sim.call_every(20, look)
+    sim.run()
+    exact = GRAVITY * (np.sin(theta) - np.cos(theta) * 0.5)
+    return float(np.polyfit(*np.array(rate).T, 1)[0] / exact)
+
+
+def dam(rows: int, height: float = 0.1, length: float = 4.0, heights: float = 3.0) -> dict[str, float]:
+    """Figures of a dam `length` heights long after `heights` times sqrt(H/g)."""
+    spacing, speed = height / rows, np.sqrt(GRAVITY * height)
+    duration = heights * np.sqrt(height / GRAVITY)
+    contacts = [{"normal": [0, 1], "friction": 0.0}, {"normal": [1, 0], "friction": 0.0}]
+    sim = _simulation(spacing, [length * height, height], 1.0, [0.0, -GRAVITY], contacts, duration)
+    area = sim.particles.volume[: sim.particles.owned].sum()
+    sim.run()
+    position = sim.particles.position[: sim.particles.owned]
+    own = connected(position, spacing)
+    mirrored = np.vstack([position[own], position[own] * [-1, 1]])
+    x, depth = profile(mirrored, spacing)
+    figures = {}
+    for part in (0.6, 0.4, 0.2):
+        place = (x[depth >= part * height].max() / height - length) / heights
+        figures[f"{part:g} H"] = place - (2.0 - 3.0 * np.sqrt(part))
+    figures["front"] = (position[own, 0].max() + 0.5 * spacing - length * height) / (2.0 * speed * duration)
+    figures["area"] = covered_area(mirrored, spacing) / (2.0 * area)
+    return figures
+
+
+def cost(rows: int, until: float = 0.15) -> tuple[float, float]:
+    """Processor time per step, and steps until `until` s, of a column with `regular` over those without."""
+    sims, spent = [], [0.0, 0.0]
+    for regular in (True, False):
+        scheme = {"scheme": "point_state", "sharpened": True, "regular": regular}
+        sims.append(periporo.Simulation.from_scene(column(0.1, rows, until, bulk=2.5e6, scheme=scheme)))
+        sims[-1].start()
+    while sims[0].time < until or sims[1].time < until:
+        for k, sim in enumerate(sims):
+            if sim.time < until:
+                began = time.process_time()
+                for _ in range(50):
+                    sim.step()
+                spent[k] += time.process_time() - began
+    steps = [sim.step_number for sim in sims]
+    return spent[0] / steps[0] / (spent[1] / steps[1]), steps[0] / steps[1]
+
+
+def main(words=None) -> None:
+    """Print the tables."""
+    options = option_parser(__name__, __doc__)
+    options.add_argument("--only", choices=["slope", "dam", "cost"])
+    options.add_argument("--rows", type=int, nargs="+", default=[16], help="points of depth")
+    chosen = options.parse_args(words)
+    if chosen.only in (None, "slope"):
+        print("| rows | acceleration of the slope flow, over the exact one |\n|---|---|", flush=True)
+        for rows in chosen.rows:
+            print(f"| {rows} | {slope(rows):.3f} |", flush=True)
+    if chosen.only in (None, "dam"):
+        print("| rows | .6 H | .4 H | .2 H | front | area |\n|---|---|---|---|---|---|", flush=True)
+        for rows in chosen.rows:
+            print(f"| {rows} | " + " | ".join(f"{value:.3f}" for value in dam(rows).values()) + " |", flush=True)
+    if chosen.only in (None, "cost"):
+        print("| rows | time per step, over that without `regular` | steps, over theirs |\n|---|---|---|", flush=True)
+        for rows in chosen.rows:
+            print(f"| {rows} | " + " | ".join(f"{ratio:.2f}" for ratio in cost(rows)) + " |", flush=True)

@@ -1,0 +1,26 @@
+"""Flows whose answers are known, small: what `python -m benchmarks flow` and `flow_truths` print at full size."""
+
+import numpy as np
+import pytest
+
+from benchmarks import flow, flow_truths
+
+
+def test_a_layer_of_sand_slides_down_a_rough_slope_as_its_friction_lets_it():
+    assert flow_truths.slope(8, duration=0.2) == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_dam_of_soil_without_friction_follows_ritter_and_keeps_its_area():
+    figures = flow_truths.dam(10, heights=2.0)
+    assert figures["area"] == pytest.approx(1.0, abs=0.02)
+    assert abs(figures["0.4 H"]) < 0.1 and abs(figures["0.2 H"]) < 0.15
+
+
+def test_a_column_falls_the_same_way_turned_and_on_a_map():
+    height, rows, turn = 0.1, 10, np.radians(30.0)
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    scene = flow.column(height, rows, 0.1, bulk=2.5e6)
+    _, (upright,) = flow.collapse(scene, height, ())
+    _, (elsewhere,) = flow.collapse(scene, height, (), 0, rotation, (500000.0, 4000000.0))
+    for name in ("area", "volumes", "run-out", "height"):
+        assert elsewhere[name] == pytest.approx(upright[name], rel=0.02), name
