@@ -20,6 +20,7 @@ PAGES = {  # title, and the cases up to the first of the next page
     "invariants": ("Verification: invariants", "V1"),
     "closed_forms": ("Verification: waves, equilibria and laws", "V5"),
     "ground": ("Verification: sliding, failure and collapse", "V15"),
+    "contact": ("Verification: contact", "C1"),
     "water": ("Verification: water", "W1"),
 }
 HEAD = "| scheme | figure | value | target | met | s |"

@@ -8,16 +8,16 @@ takes its normal from where neighbours are missing,
 
 which points into the body, and vanishes inside. Faces go with the material, whose velocity gradient at the point is L:
 
-    dn/dt = -(I - n n^T) L^T n,  dd/dt = d n.L n,
+    dn/dt = -(I - n n^T) L^T n,  dd/dt = -q d (tr L - n.L n),  q = (K - 2 mu/3) / (K + 4 mu/3).
 
-and move with v + L n d, as those of loads do (`periporo.core.points.faces`). A force on a face acts with its conjugate:
-on the point, and with its moment, force (x) n d, against the point's stress. Whatever is a function of faces has thus a
-force that does exactly its work, and exact momenta.
+A depth is thus that of a cell on which nothing presses: it swells where it is squeezed along the face, and what a
+pressure does to it is left to the contact. Whatever is a function of faces acts with its conjugate, on the point and
+against the point's stress, and has thus a force that does exactly its work, and exact momenta.
 """
 
 import numpy as np
 
-from periporo.contact.gaps import WIDTH, spline
+from periporo.contact.gaps import WIDTH, depth_rate, spline
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics.jit import kernel
 from periporo.core.points.particles import Field, Particles
@@ -37,14 +37,18 @@ class Faces:
 
     Point fields: `face` holds the point's share of its body's surface (1), then for each face the depth (m, or the
     radius of a ball) and the normal (d); `face_gradient` (d*d) 1/s, scratch, what moves the faces: integrity times
-    velocity gradient, for a point in a lump has less of one.
+    velocity gradient, for a point in a lump has less of one. `moduli` (materials, 2) Pa are K and mu without stress.
     """
 
     output: tuple[str, ...] = ()
 
-    def __init__(self, sim):
+    def __init__(self, sim, moduli: np.ndarray):
         self.sim = sim
-        self._ids = None  # of the points that the rows are of
+        bulk, shear = moduli.T
+        self.modulus = bulk + 4.0 / 3.0 * shear  # (materials,) Pa
+        self._bulge = (bulk - 2.0 / 3.0 * shear) / self.modulus  # q (materials,)
+        self.bulge = np.empty(0)  # q of the points
+        self._ids = None  # of the points that this and the rows are of
         self._faced = np.empty(0, np.int64)
 
     def attach(self, p: Particles) -> None:
@@ -67,10 +71,15 @@ class Faces:
 
     def update(self, p: Particles, bonds, dt: float) -> None:
         """What a step of `dt` s does to the faces of the owned points, a process of the points."""
+        self.know(p)
+        self.find_gradients(p)
+        _move_faces(self._faced, p.face, self.bulge, p.face_gradient, dt, p.dim)
+
+    def know(self, p: Particles) -> None:
+        """Find out anew, after a rebuild, which points have faces and how they bulge."""
         if self._ids is not p.id:
             self._ids, self._faced = p.id, np.flatnonzero(p.face[: p.owned, 2:].any(axis=1))
-        self.find_gradients(p)
-        _move_faces(self._faced, p.face, p.face_gradient, dt, p.dim)
+            self.bulge = self._bulge[p.material]
 
     def find_gradients(self, p: Particles) -> None:
         """Fill `face_gradient` of the owned points."""
@@ -187,7 +196,7 @@ def _renew(rows, touched, share, inward, half, face, renewed, dim):
 
 
 @kernel
-def _move_faces(rows, face, gradient, dt, dim):
+def _move_faces(rows, face, bulge, gradient, dt, dim):
     """n <- (I - dt L)^T n, to unit length: exact in a rigid rotation if L is that of the step's end."""
     d = len(dim)
     turned = np.zeros(d)
@@ -195,15 +204,15 @@ def _move_faces(rows, face, gradient, dt, dim):
         i = rows[k]
         for s in range((face.shape[1] - 1) // (1 + d)):
             n = 2 + s * (1 + d)
-            square, stretch, known = 0.0, 0.0, False
+            square, growth, known = 0.0, 0.0, False
             for a in range(d):
                 turned[a] = face[i, n + a]
                 known = known or face[i, n + a] != 0.0
                 for c in range(d):
                     turned[a] -= dt * gradient[i, c * d + a] * face[i, n + c]
-                    stretch += face[i, n + a] * gradient[i, a * d + c] * face[i, n + c]
+                    growth += depth_rate(face, n, bulge, i, a, c) * gradient[i, a * d + c]
                 square += turned[a] ** 2
             if known:
-                face[i, n - 1] *= 1.0 + dt * stretch
+                face[i, n - 1] *= 1.0 + dt * growth
                 for a in range(d):
                     face[i, n + a] = turned[a] / np.sqrt(square)

@@ -3,6 +3,7 @@
 A row of `face` is as `periporo.contact.faces` describes it, xi the way from point i to point j. Scratch arrays of a
 pair: `slope` (d,) is d gap/d xi; `arm` (2 d,) the ways from both points to where their faces meet; `turn` (2 d d,) what
 the gap loses by the velocity gradient of either point, d gap/dt = slope.(v_j - v_i) - turn_i : L_i - turn_j : L_j.
+`bulge` (points,) is q, by which depths follow the strain along faces.
 """
 
 import numpy as np
@@ -82,7 +83,13 @@ def _separation(xi, face, own, other, sign, d):
 
 
 @inlined
-def _add_part(xi, face, own, other, best, partner, sign, part, slope, arm, turn, at, away, d):
+def depth_rate(face, n, bulge, i, a, c):
+    """Component a, c of what a depth of point i, whose normal begins in column n, follows: d'/d over L."""
+    return -bulge[i] * ((1.0 if a == c else 0.0) - face[i, n + a] * face[i, n + c])
+
+
+@inlined
+def _add_part(xi, face, bulge, own, other, best, partner, sign, part, slope, arm, turn, at, away, d):
     """Add what the face `best` of point `own` has in a gap: `part` of it."""
     n, o = 2 + best * (1 + d), 2 + max(partner, 0) * (1 + d)
     depth, far = face[own, n - 1], face[other, o - 1] if partner >= 0 else 0.0
@@ -97,9 +104,10 @@ def _add_part(xi, face, own, other, best, partner, sign, part, slope, arm, turn,
         arm[away * d + a] += part * (far * far_out if partner >= 0 else -face[other, 1] * out)
         for c in range(d):
             across = sign * xi[c] + far * face[other, o + c] - along * face[own, n + c]
-            turn[at * d * d + a * d + c] += part * out * (across + depth * face[own, n + c])
-            across = face[own, n + c] - 2.0 * cosine * face[other, o + c]
-            turn[away * d * d + a * d + c] += part * far * far_out * across
+            turn[at * d * d + a * d + c] += part * (out * across + depth * depth_rate(face, n, bulge, own, a, c))
+            across = face[own, n + c] - cosine * face[other, o + c]
+            rate = depth_rate(face, o, bulge, other, a, c)
+            turn[away * d * d + a * d + c] += part * far * (far_out * across - cosine * rate)
 
 
 @inlined
@@ -124,7 +132,7 @@ def _face_each_other(face, i, j, d):
 
 
 @inlined
-def find_gap(position, face, i, j, spacing, xi, slope, arm, turn, d):
+def find_gap(position, face, bulge, i, j, spacing, xi, slope, arm, turn, d):
     """Gap of a pair (m); fills the scratch arrays.
 
     It is the larger of what the faces of either point say, and the mean where they say the same: neither comes first.
@@ -155,11 +163,37 @@ def find_gap(position, face, i, j, spacing, xi, slope, arm, turn, d):
         larger = 1.0 - 0.5 * (1.0 - apart) * (1.0 - 3.0 * apart)
     part = larger if own >= other else 1.0 - larger
     if part != 0.0:
-        _add_part(xi, face, i, j, own_face, own_partner, 1.0, part, slope, arm, turn, 0, 1, d)
+        _add_part(xi, face, bulge, i, j, own_face, own_partner, 1.0, part, slope, arm, turn, 0, 1, d)
     if part != 1.0:
-        _add_part(xi, face, j, i, other_face, other_partner, -1.0, 1.0 - part, slope, arm, turn, 1, 0, d)
+        _add_part(xi, face, bulge, j, i, other_face, other_partner, -1.0, 1.0 - part, slope, arm, turn, 1, 0, d)
     _meet(xi, arm, d)
     return gap
+
+
+@inlined
+def facing(face, i, slope, sign, d):
+    """How far the body of point i reaches from it along sign times `slope`, and the column of that face's normal."""
+    furthest, found = 0.0, -1
+    for s in range((face.shape[1] - 1) // (1 + d)):
+        along = 0.0
+        for a in range(d):
+            along += sign * slope[a] * face[i, 2 + s * (1 + d) + a]
+        along *= face[i, 1 + s * (1 + d)]
+        if along > furthest:
+            furthest, found = along, 2 + s * (1 + d)
+    return furthest, found
+
+
+@inlined
+def normal_stress(stress, face, i, n, d):
+    """Stress (Pa) of point i across its face whose normal begins in column n."""
+    total = 0.0
+    for a in range(d):
+        total += stress[i, a] * face[i, n + a] ** 2
+    total += 2.0 * stress[i, 3] * face[i, n] * face[i, n + 1]
+    if d == 3:
+        total += 2.0 * face[i, n + 2] * (stress[i, 4] * face[i, n + 1] + stress[i, 5] * face[i, n])
+    return total
 
 
 @inlined

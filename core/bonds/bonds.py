@@ -200,6 +200,20 @@ class Bonds:
                 average = np.hstack([np.ones((len(rest.ids), 1)), rest.stress, rest.state])
                 getattr(particles, block.average)[rows_of(particles.id, rest.ids[:, 0])] = average
 
+    def total_stress(self, particles: Particles, points: np.ndarray, stress: np.ndarray) -> None:
+        """Fill `stress` (total, 4|6) Pa of the owned `points` (rows) with the mean of what their rows exert."""
+        stress[points] = 0.0
+        known, mean = np.zeros(len(points)), np.zeros((particles.total, 1 + stress.shape[1]))
+        for block in self.blocks:
+            rows = block.rows.start, block.rows.stop, *self.layout.ends(block, self.pairs), block.active
+            average_points(
+                points, self.incidence_start, self.incidence, *rows, particles.volume, block.total_stress,
+                np.empty((len(block.pair), 0)), np.empty(0, np.bool_), mean,
+            )  # fmt: skip
+            known += mean[points, 0]
+            stress[points] += mean[points, 1:]
+        stress[points] /= np.maximum(known, 1.0)[:, None]
+
     def admit_newborn(self, particles: Particles, dt: float) -> None:
         """Give state to rows whose pair came within the horizon, and take it from those that left.
 

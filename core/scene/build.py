@@ -31,6 +31,7 @@ from periporo.core.scene.contacts import (
     build_repulsion,
     fit_jittered,
     is_present,
+    moduli_without_stress,
     refuse_overlaps,
     refuse_penetration,
 )
@@ -94,7 +95,7 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
     rigid = [(k, c) for k, c in enumerate(scene.contacts) if c.type != "bodies"]
     search = Search()
     contacts = [(c, build_contact(scene, c, k, sim, search)) for k, c in rigid]
-    faces = Faces(sim)
+    faces = Faces(sim, np.array([moduli_without_stress(m) for m in materials]))
     between = _between_bodies(scene, faces, sim)
     for contact in (*(c for _, c in contacts), *between.values()):
         contact.attach(particles, sim.forces)

@@ -14,7 +14,6 @@ from periporo.core.scene.obstacles import build_obstacle
 from periporo.errors import InputError, Problem, place_text
 
 _TOUCH = 0.01  # spacings by which cells and obstacles may overlap when motion begins
-_SOFTER = 0.5  # stiffness of two bodies' contact over that of a layer of points
 _MEET = 0.05  # spacings by which bodies may overlap when their contact appears; what they do presses from there on
 _UNKNOWN = 0.5  # the same where the surface is that of a file's points
 _PUSHED_OUT = 0.6  # the same when relaxation begins
@@ -42,14 +41,23 @@ def build_bodies_contact(scene, models, faces, sim) -> BodiesContact:
     stiffness, friction, damping = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
     for model in sorted(models, key=lambda m: m.between is None):
         k = model.stiffness
-        if k is None:
-            k = _SOFTER * max(_p_wave_modulus(m) for m in sim.materials) / h
         for first, second in model.pairs(names):
             both = [names.index(first), names.index(second)]
             place = both, both[::-1]
-            stiffness[place] = k * h ** (scene.dimension - 1)
+            stiffness[place] = (_in_series(scene, sim, both) if k is None else k) * h ** (scene.dimension - 1)
             friction[place], damping[place] = model.friction, model.damping
     return BodiesContact(faces, stiffness, friction, damping)
+
+
+def _in_series(scene, sim, bodies):
+    """Stiffness (N/m^3) of half cells of two bodies (numbers), one behind the other; of several layers the stiffest."""
+    softness = 0.0
+    for number in bodies:
+        body = scene.bodies[number]
+        names = {body.material, *(layer.material for layer in body.layers)}
+        own = [m for name, m in zip(scene.materials, sim.materials, strict=True) if name in names]
+        softness += 0.5 * scene.spacing / max(map(_p_wave_modulus, own))
+    return 1.0 / softness
 
 
 def is_present(model, stage) -> bool:
@@ -151,10 +159,16 @@ def build_repulsion(sim) -> Repulsion:
 
 def _p_wave_modulus(material):
     """K + 4 mu / 3 of a material without stress, Pa."""
+    bulk, shear = moduli_without_stress(material)
+    return bulk + 4.0 / 3.0 * shear
+
+
+def moduli_without_stress(material) -> tuple[float, float]:
+    """Bulk and shear modulus of a material that bears no stress, Pa."""
     stress = np.zeros((1, 6))
     state = material.initial_state(stress, np.zeros((1, 2), np.int64), np.ones(1))
     bulk, shear = material.elastic_moduli(stress, state)
-    return float(bulk[0] + 4.0 / 3.0 * shear[0])
+    return float(bulk[0]), float(shear[0])
 
 
 def bonding_groups(scene) -> np.ndarray:

@@ -131,7 +131,7 @@ def test_an_impact_gives_back_what_it_took_and_keeps_both_momenta(shapes, veloci
     assert np.abs(after - before)[:d].max() < 1e-13 * scale
     assert np.abs(after - before)[d:].max() < 1e-13 * scale * 0.3  # m
     energies = sim.ledger.entries()
-    assert lowest < 0.8 and not contact_of(sim)._pressure.any()  # hit, and parted
+    assert lowest < 0.8 and not contact_of(sim).pressures.any()  # hit, and parted
     assert abs(energies["contact_energy"]) < 2e-3 * initial
     assert energies["friction_dissipation"] >= 0.0 if friction else energies["friction_dissipation"] == 0.0
     assert not sim.particles.face_spring.any()
@@ -173,16 +173,69 @@ def test_restitution_of_discs(degrees):
     assert (b - a) @ along / 0.25 == pytest.approx(1.0, abs=0.02)
 
 
-def test_friction_in_an_oblique_impact():
+@pytest.mark.parametrize(("friction", "degrees"), [(0.1, 30.0), (0.5, 75.0)])
+def test_friction_in_an_oblique_impact(friction, degrees):
     """Sliding throughout: the tangential impulse is friction times the normal one, and spins both discs alike."""
     along, across = np.array([0.0, 1.0]), np.array([1.0, 0.0])
-    points, angle = 20, np.radians(30.0)
-    velocity = -0.02 * (np.cos(angle) * along + np.sin(angle) * across)
-    (m, a, spin_a), (_, _, spin_b) = impact_of_discs(along, velocity, 0.1, points)
+    points, angle = 20, np.radians(degrees)
+    velocity = -0.02 * (along + np.tan(angle) * across)
+    (m, a, spin_a), (_, _, spin_b) = impact_of_discs(along, velocity, friction, points)
     impulse = m * a
-    assert impulse @ across / (impulse @ along) == pytest.approx(0.1, rel=0.03)
-    assert spin_a == pytest.approx(spin_b, rel=1e-6)
-    assert abs(spin_a) == pytest.approx(abs(impulse @ across) / (0.5 * m * points * H), rel=0.01)
+    assert impulse @ across / (impulse @ along) == pytest.approx(friction, rel=0.05)
+    assert spin_a == pytest.approx(spin_b, rel=1e-3)
+    assert abs(spin_a) == pytest.approx(abs(impulse @ across) / (0.5 * m * points * H), rel=0.02)
+
+
+def test_without_friction_an_oblique_impact_leaves_what_is_tangential():
+    along = np.array([0.0, 1.0])
+    velocity = 0.25 * np.array([np.sin(np.pi / 6.0), -np.cos(np.pi / 6.0)])
+    (_, a, spin_a), (_, b, spin_b) = impact_of_discs(along, velocity, 0.0)
+    assert (b - a)[1] / -velocity[1] == pytest.approx(1.0, abs=0.02)
+    assert a[0] / velocity[0] == pytest.approx(0.0, abs=0.02)
+    assert abs(spin_a) + abs(spin_b) < 0.02 * 0.25 / 0.25  # of the speed over the radius
+
+
+def test_a_stack_stands_for_ten_seconds():
+    """Two soft bricks side by side, and one across their joint."""
+    h = 0.1
+    scene = scene_of(
+        [box([0, 0], [0.4, 0.3]), box([0.4, 0], [0.8, 0.3]), box([0.2, 0.3], [0.6, 0.6])], friction=0.5, h=h,
+        gravity=[0.0, -9.81], initial_stress={"type": "geostatic", "K0": 0.3},
+    )  # fmt: skip
+    scene["materials"] = {"soil": SOFT | {"bulk_modulus": 4e5, "shear_modulus": 2.4e5}}
+    scene["contacts"].append({"type": "plane", "point": [0, 0], "normal": [0, 1], "friction": 0.5})
+    scene["stages"] = [{"name": "settle", "type": "relax", "tolerance": 1e-6},
+                       {"name": "stand", "type": "dynamics", "duration": 10.0}]  # fmt: skip
+    sim = build(parse_scene(scene), MPI.COMM_SELF)
+    sim.start()
+    sim.stages[0].run(sim, False)
+    before = sim.particles.position.copy()
+    sim.stage_number = 1
+    sim.stages[1].run(sim, False)
+    assert np.abs(sim.particles.position - before).max() < 1e-4 * h
+    energies = sim.ledger.entries()
+    assert energies["kinetic_energy"] < 1e-8 * sim.particles.mass.sum() * 9.81 * h
+
+
+def test_a_wave_passes_from_body_to_body():
+    """As within a body: nothing of a pulse 20 points long comes back; the contact has no softness of its own."""
+    n, h = 20, H
+    length, wave = 40 * h, WAVE
+    scene = scene_of([box([0, 0], [length, 3 * h]), box([length, 0], [2 * length, 3 * h])])
+    scene["boundaries"] = {"sides": {"where": {"lower": [-1.0, None]}, "fix": ["y"]}}
+    scene["stages"][0]["boundaries"] = ["sides"]
+    sim = started(scene)
+    p, block = sim.particles, sim.bonds.blocks[0]
+    x = p.position[: p.owned, 0]
+    pulse = 1e-4 * wave * np.where(np.abs(x - 25 * h) < 10 * h, np.cos(np.pi * (x - 25 * h) / (n * h)) ** 2, 0.0)
+    p.velocity[: p.owned, 0] = pulse
+    block.stress[:, :3] = -(pulse / wave)[block.first, None] * np.array([4.5e6, 1.5e6, 1.5e6])
+    sim.apply_loads(0.0)
+    energies = go(sim, 30 * h / wave)
+    v = p.velocity[: p.owned, 0] / pulse.max()
+    assert np.abs(v[x < 36 * h]).max() < 0.04
+    assert v[x > length].max() == pytest.approx(1.0, abs=0.03)
+    assert abs(energies["contact_energy"]) < 1e-3 * 0.5 * (p.mass * pulse**2).sum()
 
 
 def test_flush_blocks_press_evenly_and_bear_their_weight():
@@ -199,7 +252,7 @@ def test_flush_blocks_press_evenly_and_bear_their_weight():
     sim.run()
     p, contact = sim.particles, contact_of(sim)
     pressure = np.zeros(p.owned)
-    np.add.at(pressure, contact._ends[1], contact._pressure)
+    np.add.at(pressure, contact.pairs[1], contact.pressures)
     pressure = pressure[pressure > 0.0]
     assert len(pressure) == n
     weight = p.mass[p.body == 1].sum() * 9.81
@@ -283,7 +336,7 @@ def test_the_step_is_at_most_a_tenth_shorter():
     block = box([0, 0], [0.2, 0.2])
     alone = started(scene_of([block], contacts=[]))
     both = started(scene_of([block, box([0, 0.2], [0.2, 0.4])], friction=0.5))
-    assert 0.9 * alone.dt < both.dt <= alone.dt
+    assert 0.95 * alone.dt < both.dt <= alone.dt * (1.0 + 1e-3)
 
 
 def test_bodies_that_overlap_are_refused_whatever_the_stage():
@@ -337,7 +390,7 @@ def test_nothing_is_done_while_nothing_is_near():
     contact = contact_of(sim)
     for _ in range(3):
         sim.step()
-    assert contact._ends.size == 0 and not contact._present
+    assert contact.pairs.size == 0 and not contact._present
     assert not sim.particles.contact_force.any() and not sim.particles.contact_moment.any()
 
 
