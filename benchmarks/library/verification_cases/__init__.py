@@ -6,6 +6,7 @@ from . import (
     closed_forms,
     collapse,
     columns,
+    consolidation,
     energy,
     footing,
     kinematics,
@@ -86,6 +87,10 @@ CASES = (
     Case("V22", surfaces.pushed_footing),
     Case("collapse", collapse.collapse),
     Case("W1", seepage.consolidation),
+    Case("W1", consolidation.one_way),
+    Case("W2", consolidation.large_strain),
+    Case("W3", consolidation.slab),
+    Case("W4", consolidation.sphere),
     Case("W5", seepage.infiltration),
     Case("W9", waves.undrained_wave),
 )
