@@ -101,6 +101,7 @@ class Simulation:
         self.stage_number = 0
         self.time, self.dt, self.step_number, self.rebuild_count = 0.0, 0.0, 0, 0
         self.rate_independent = False  # quasi-static: viscous laws are given all the time in the world
+        self.ahead = 0.0  # s, of the clock: when loads hold for which a quasi-static stage looks for equilibrium
         self.rebuilt_at = 0  # step
         self._carry = 0.0  # of the compensated sum of time steps
         self._moved = 0.0
@@ -275,10 +276,14 @@ class Simulation:
         for block, (stress, state) in zip(self.bonds.blocks, kept, strict=True):
             block.stress[:], block.state[:] = stress, state
 
+    def reached(self, dt: float) -> float:
+        """Time (s) at the end of a step of `dt`; relaxation holds it, and obstacles."""
+        return self.time + (self.ahead if self.rate_independent else dt)
+
     def apply_loads(self, dt: float) -> None:
         """Forces of contacts and loads at the end of a step of `dt`, and the internal force, which bears them."""
         p, forces, timing = self.particles, self.forces, self.timing
-        end = self.time if self.rate_independent else self.time + dt  # relaxation holds the time, and obstacles
+        end = self.reached(dt)
         forces.book_moments(0.5 * dt)  # of the loads with which the step began
         forces.clear()
         for contact in self.contacts:

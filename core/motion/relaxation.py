@@ -12,7 +12,7 @@ from periporo.core.numerics.tensors import square_lengths
 from periporo.core.points.forces import WORK
 from periporo.core.ranks.reductions import exact_sum
 
-_STEERING, _DECAY, _PATIENCE = 0.1, 0.99, 5
+STEERING, _DECAY, _PATIENCE = 0.1, 0.99, 5
 _REMEMBERED = ("_time", "_first_step", "_steering", "_downhill")
 _DAMPING = WORK.index("damping")
 
@@ -34,7 +34,7 @@ class Relaxation:
         self.max_steps = max_steps
         self.residual = math.inf
         self.steps = 0
-        self._steering, self._downhill = _STEERING, 0
+        self._steering, self._downhill = STEERING, 0
         self._time, self._first_step = 0.0, 0
 
     def run(self, sim) -> None:
@@ -84,29 +84,51 @@ class Relaxation:
 
     def _in_equilibrium(self, sim) -> bool:
         """Measure the residual and steer the velocities."""
+        force = self._measure(sim)
+        if self.residual < self.tolerance:
+            return True
+        self._steer(sim, force)
+        return False
+
+    def _measure(self, sim) -> np.ndarray:
+        """Measure the residual; the out-of-balance force (owned, d) N."""
         p, n = sim.particles, sim.particles.owned
-        free = np.ones((n, p.dimension))
-        for motion in sim.prescribed_motions:
-            motion.hold_zero(p, free)
         total = sim.forces.total()
-        force, velocity = total * free, p.velocity[:n] * free
-        reaction = total * (1.0 - free)
+        force = self._free(sim, total)
+        reaction = total - force
         if "contact" in sim.forces.names:
-            reaction += p.contact_force[:n] * free
-        acceleration = force / p.mass[:, None]
-        load = p.external_force[:n] * free
-        products = [(a * b).ravel() for a, b in (
-            (force, force), (load, load), (reaction, reaction), (force, velocity), (velocity, velocity),
-            (acceleration, acceleration),
-        )]  # fmt: skip
-        square, weight, support, power, speed, pull = exact_sum(sim.comm, np.stack(products, axis=1)).tolist()
-        scale = weight if weight > 0.0 else support
+            reaction += self._free(sim, p.contact_force[:n])
+        load = self._free(sim, p.external_force[:n])
+        squares = [(a * a).ravel() for a in (force, load, reaction)]
+        square, weight, support = exact_sum(sim.comm, np.stack(squares, axis=1)).tolist()
+        scale = weight if weight > 0.0 else (support if support > 0.0 else self._scale_without_load(square))
         if not scale > 0.0:
             raise RelaxationError(
                 f"stage '{self.name}': there is no load, so no scale for equilibrium; set gravity, or strain the body "
                 "between boundaries before it relaxes"
             )
         self.residual = math.sqrt(square / scale)
+        return force
+
+    def _scale_without_load(self, square: float) -> float:
+        """What takes the place of the square of the load where there is none, for the `square` out of balance, N^2."""
+        return 0.0
+
+    def _free(self, sim, values) -> np.ndarray:
+        """The part of `values` (owned, d) in motions that are not prescribed."""
+        free = values.copy()
+        for motion in sim.prescribed_motions:
+            motion.hold_zero(sim.particles, free)
+        return free
+
+    def _steer(self, sim, force) -> None:
+        """Turn the velocities towards the force."""
+        p = sim.particles
+        velocity, acceleration = self._free(sim, p.velocity[: p.owned]), force / p.mass[:, None]
+        products = [(a * b).ravel() for a, b in (
+            (force, velocity), (velocity, velocity), (acceleration, acceleration),
+        )]  # fmt: skip
+        power, speed, pull = exact_sum(sim.comm, np.stack(products, axis=1)).tolist()
         if power > 0.0:
             self._downhill += 1
             if self._downhill > _PATIENCE:
@@ -114,9 +136,8 @@ class Relaxation:
             along = self._steering * math.sqrt(speed / pull)
             self._set_velocity(p, (1.0 - self._steering) * velocity + along * acceleration)
         else:
-            self._steering, self._downhill = _STEERING, 0
+            self._steering, self._downhill = STEERING, 0
             self._set_velocity(p, np.zeros_like(velocity))
-        return self.residual < self.tolerance
 
     def _set_velocity(self, p, velocity) -> None:
         """Impose velocities (owned, d); the energy that this takes away counts as damping."""

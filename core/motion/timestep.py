@@ -9,6 +9,8 @@ ratio stays the same it is measured less and less often.
 """
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -121,6 +123,13 @@ def local_frequency(sim, contacts, ahead: float = 0.0) -> float:
     A contact counts if it acts, or may within the time `ahead` (s).
     """
     p = sim.particles
+    springs, stiffness = local_stiffness(sim, contacts, ahead)
+    return float(np.sqrt(maximum(sim.comm, _largest_square_frequency(p.awake, springs, stiffness, p.mass, p.dim))))
+
+
+def local_stiffness(sim, contacts, ahead: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """N/m of the points, their bonds taken as springs (total, 3|6), and their `contacts` (owned,)."""
+    p = sim.particles
     springs = np.zeros((p.total, p.dimension * (p.dimension + 1) // 2))
     for block in sim.bonds.blocks:
         bulk, shear = block.stiffness()
@@ -128,7 +137,7 @@ def local_frequency(sim, contacts, ahead: float = 0.0) -> float:
     stiffness = np.zeros(p.owned)
     for contact in contacts:
         contact.add_stiffness(p, sim.time, ahead, stiffness)
-    return float(np.sqrt(maximum(sim.comm, _largest_square_frequency(p.awake, springs, stiffness, p.mass, p.dim))))
+    return springs, stiffness
 
 
 def highest_frequency(sim) -> float:
@@ -139,38 +148,46 @@ def highest_frequency(sim) -> float:
     highest mode often is not, and an iteration that starts there finds a lower one.
     """
     p, n = sim.particles, sim.particles.awake
+    with held(sim):
+        root_mass = np.sqrt(p.mass[:n])[:, None]
+        vector = uniform(p.id[:n], p.dimension, seed=1) - 0.5
+        previous, beta = np.zeros_like(vector), 0.0
+        diagonal: list[float] = []
+        beside: list[float] = []
+        value = 0.0
+        vector /= np.sqrt(inner(sim.comm, vector, vector))
+        for _ in range(_MOST_ITERATIONS):
+            image = apply_stiffness(sim, vector / root_mass) / root_mass
+            diagonal.append(inner(sim.comm, vector, image))
+            before, value = value, _largest_eigenvalue(diagonal, beside)
+            image -= diagonal[-1] * vector + beta * previous
+            previous, beta = vector, np.sqrt(inner(sim.comm, image, image))
+            if value - before <= 2.0 * _CONVERGED * value or not beta > 1e-6 * abs(diagonal[0]):
+                break
+            vector = image / beta
+            beside.append(beta)
+    return math.sqrt(max(value, 0.0))
+
+
+@contextmanager
+def held(sim) -> Iterator[None]:
+    """Within it the moduli are those of the present, and stress, state and points may be tried with."""
+    p = sim.particles
     for block in sim.bonds.blocks:
         block.held_moduli = block.elastic_moduli()
     kept = [(r.stress.copy(), r.state.copy(), r.active.copy()) for r in sim.bonds.carriers]
     totals = [b.total for b in sim.bonds.blocks]
-    held = _HELD if "asleep" in p.fields else ()
-    points = {name: getattr(p, name).copy() for name in (*_SCRATCHED, *held) if name in p.fields}
-    for name in points.keys() & held:
+    still = _HELD if "asleep" in p.fields else ()
+    points = {name: getattr(p, name).copy() for name in (*_SCRATCHED, *still) if name in p.fields}
+    for name in points.keys() & still:
         getattr(p, name)[:] = 0.0
-    root_mass = np.sqrt(p.mass[:n])[:, None]
-    vector = uniform(p.id[:n], p.dimension, seed=1) - 0.5
-    previous, beta = np.zeros_like(vector), 0.0
-    diagonal: list[float] = []
-    beside: list[float] = []
-    value = 0.0
-    vector /= np.sqrt(inner(sim.comm, vector, vector))
-    for _ in range(_MOST_ITERATIONS):
-        image = apply_stiffness(sim, vector / root_mass) / root_mass
-        diagonal.append(inner(sim.comm, vector, image))
-        before, value = value, _largest_eigenvalue(diagonal, beside)
-        image -= diagonal[-1] * vector + beta * previous
-        previous, beta = vector, np.sqrt(inner(sim.comm, image, image))
-        if value - before <= 2.0 * _CONVERGED * value or not beta > 1e-6 * abs(diagonal[0]):
-            break
-        vector = image / beta
-        beside.append(beta)
+    yield
     for rows, (stress, state, active) in zip(sim.bonds.carriers, kept, strict=True):
         rows.stress[:], rows.state[:], rows.active[:] = stress, state, active
     for block, total in zip(sim.bonds.blocks, totals, strict=True):
         block.total, block.held_moduli = total, None
     for name, values in points.items():
         getattr(p, name)[:] = values
-    return math.sqrt(max(value, 0.0))
 
 
 def _largest_eigenvalue(diagonal, beside):

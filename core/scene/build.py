@@ -16,6 +16,7 @@ from periporo.core.loads.absorbing import Absorbing
 from periporo.core.loads.boundary import Gravity, PrescribedMotion, Traction, ViscousDamping, without_overlaps
 from periporo.core.loads.reactions import BoundaryReaction
 from periporo.core.motion.dissipation import PlasticDissipation, reports
+from periporo.core.motion.quasi_static import QuasiStaticStage
 from periporo.core.motion.sleep import Sleep
 from periporo.core.motion.stages import DynamicsStage, RelaxStage
 from periporo.core.motion.timestep import StableTimeStep
@@ -39,15 +40,16 @@ from periporo.core.scene.fields import ParameterFields, agreed, create_laws
 from periporo.core.scene.geostatic import GeostaticStress, uniform_stress
 from periporo.core.scene.grounds import share_grounds
 from periporo.core.scene.points import PointMaker
-from periporo.core.scene.water import build_water, wetted
+from periporo.core.scene.water import build_water, refuse_inner_inflows, wetted
 from periporo.core.simulation import Simulation
 from periporo.core.watch.reactions import Reactions
 from periporo.core.watch.strength import StrengthReductionStage
 from periporo.core.water.boundaries import WaterBoundary
+from periporo.core.water.flow import FlowingWater
 from periporo.errors import InputError, Problem
 from periporo.io.geometry import lattice as geometry
 from periporo.io.geometry.origin import relative, scene_origin
-from periporo.io.schema.scene import SceneInput
+from periporo.io.schema.scene import STILL, SceneInput
 
 SKIN = 0.3  # spacings
 
@@ -104,10 +106,12 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
         sim.reaches.append(faces.find_reach)
         sim.preparations += [faces.share_out, lambda sim: refuse_overlaps(scene, between, sim)]
     for stage in scene.stages:
-        if stage.type != "relax" and stage.damping.viscous > 0.0:
+        if stage.type not in STILL and stage.damping.viscous > 0.0:
             sim.forces.need("damping")
     if any(stage.type == "relax" for stage in scene.stages):
         RelaxStage.attach(particles)
+    if any(stage.type == "quasi_static" for stage in scene.stages):
+        QuasiStaticStage.attach(particles)
     if any(stage.type == "strength_reduction" for stage in scene.stages):
         StrengthReductionStage.attach(particles)
     repulsion = build_repulsion(sim)
@@ -130,6 +134,8 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
         sim.bonds.initial_stress_is_total = water is not None and scene.initial_stress.type == "geostatic"
     free_water = [] if water is None or water.free is None else [water.free]
     sim.stages = [_stage(scene, sim, stage, contacts, free_water, lattices) for stage in scene.stages]
+    if any(stage.inflows for stage in sim.stages):
+        sim.preparations.append(lambda sim: refuse_inner_inflows(scene, sim))
     build_constructions(scene, sim, lattices, maker)
     for model, built in zip(scene.stages, sim.stages, strict=True):
         built.contacts += [between[m] for m in [_bodies_models(scene, model)] if m]
@@ -215,13 +221,13 @@ def _stage(scene, sim, stage, contacts, free_water, lattices):
     if scene.gravity is not None:
         loads.append(Gravity(scene.vector(scene.gravity)))
     for name in stage.boundaries:
-        boundary = build_boundary(scene, name, lattices, moving=stage.type != "relax")
+        boundary = build_boundary(scene, name, lattices, moving=stage.type not in STILL)
         if isinstance(boundary, Absorbing):
             boundary.attach(sim.particles, sim.forces)
         kind = motions if isinstance(boundary, PrescribedMotion) else loads
         (inflows if isinstance(boundary, WaterBoundary) else kind).append(boundary)
     flying = _flying(scene) if stage in scene.stages[: _first_motion(scene) + 1] else []
-    if stage.type == "relax":
+    if stage.type in STILL:
         motions += [hold(lattices[body]) for body, _ in flying]  # until their first motion
     motions = without_overlaps(motions)
     present = [c for model, c in contacts if is_present(model, stage)]
@@ -231,6 +237,12 @@ def _stage(scene, sim, stage, contacts, free_water, lattices):
             stage.name, motions, present, loads, inflows, stage.tolerance, stage.max_steps,
             np.maximum(stage.max_displacement * sides, scene.spacing), tuple(b.name for b in scene.bodies),
             stage.reset_displacement,
+        )  # fmt: skip
+    if stage.type == "quasi_static":
+        increments = next(part for part in sim.point_processes if isinstance(part, FlowingWater)).increments
+        return QuasiStaticStage(
+            stage.name, motions, present, loads, inflows, stage.duration, stage.accuracy, stage.tolerance,
+            stage.max_steps, increments,
         )  # fmt: skip
     if stage.damping.viscous > 0.0:
         loads.append(ViscousDamping(stage.damping.viscous, lambda: sim.dt))

@@ -8,6 +8,7 @@ from periporo.core.ranks.reductions import maximum, minimum
 from periporo.core.scene.build import vertical_axis
 
 _SOFT = 0.05  # weight over bulk modulus
+_TIGHTEST, _COARSEST = 1e-13, 1e-7  # conductivity of clay, m/s, and permeability of gravel, m^2
 _SHORTER = 0.8  # of the bodies' own time step: what a contact may leave of it
 
 
@@ -21,6 +22,7 @@ def doubts_about(scene, sim) -> list[str]:
         *_rest_that_cannot_be(scene),
         *_stiff_contacts(sim, scene),
         *_doubts_of_laws(sim, scene),
+        *_strange_permeability(scene),
         *jit.remarks,
     ]
 
@@ -114,7 +116,7 @@ def _histories_before_their_stage(scene) -> list[str]:
                         f"the {kind} of boundary '{name}' ends at {max(ends):g} s, before stage '{stage.name}' begins "
                         f"at {begin:g} s: it is over; times count from the start of the run"
                     )
-        begin += getattr(stage, "duration", 0.0)
+        begin += getattr(stage, "duration", 0.0)  # of a quasi-static stage the longest
     return doubts
 
 
@@ -151,6 +153,24 @@ def _stiff_contacts(sim, scene) -> list[str]:
             doubts.append(
                 f"the stiffness of contacts[{number}] ({model.type}), {model.stiffness:.3g} N/m^3, makes the time step "
                 f"{1.0 / share:.2g} times as short as the bodies need while it acts; leave it out, or make it less"
+            )
+    return doubts
+
+
+def _strange_permeability(scene) -> list[str]:
+    """A remark on each permeability or conductivity that is of the magnitude of the other."""
+    water, doubts = scene.pore_water, []
+    named = {} if water is None else {"pore_water": water, **{f"soil '{k}'": v for k, v in water.soils.items()}}
+    for name, soil in named.items():
+        if soil.conductivity is not None and soil.conductivity < _TIGHTEST:
+            doubts.append(
+                f"{name}: a conductivity of {soil.conductivity:.3g} m/s is less than that of any clay; is it a "
+                "permeability in m^2?"
+            )
+        if soil.permeability is not None and soil.permeability > _COARSEST:
+            doubts.append(
+                f"{name}: a permeability of {soil.permeability:.3g} m^2 is more than that of gravel; is it a "
+                "conductivity in m/s?"
             )
     return doubts
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from periporo.core.water.flow import FlowingWater, Permeability
+from periporo.core.water.increments import Increments
 from periporo.core.water.pore_water import DrainedWater, Pores, PoreWater, UndrainedWater
 from periporo.core.water.pressure import FreeWater, Hydrostatic, Profile, UniformSuction
 from periporo.core.water.retention import FULL, retention_of
@@ -22,7 +23,10 @@ def build_water(scene, materials) -> PoreWater:
         level = water.free_water.level
         free = FreeWater(lambda time: float(np.interp(time, level.times, level.values)), *_weight(scene))
     if water.drainage == "flowing":
-        return FlowingWater(pores, _profile(scene), free, _permeability(scene))
+        flowing = FlowingWater(pores, _profile(scene), free, _permeability(scene))
+        if any(stage.type == "quasi_static" for stage in scene.stages):
+            flowing.increments = Increments(flowing)
+        return flowing
     if water.drainage == "undrained":
         return UndrainedWater(pores, _profile(scene), free)
     return DrainedWater(pores, _profile(scene), free, frozen=water.frozen)
@@ -36,6 +40,23 @@ def wetted(scene, materials, water: PoreWater | None) -> list:
         m.for_unsaturated(float(xi)) if hasattr(m, "for_unsaturated") and curve.kind != FULL else m
         for m, xi, curve in zip(materials, water.largest_bonding, water.pores.retention, strict=True)
     ]
+
+
+def refuse_inner_inflows(scene, sim) -> None:
+    """Raise InputError for a boundary of water none of whose points has a face at the surface on its side."""
+    for stage, built in zip(scene.stages, sim.stages, strict=True):
+        named = [name for name in stage.boundaries if scene.boundaries[name].water is not None]
+        for name, boundary in zip(named, built.inflows, strict=True):
+            p = sim.particles
+            here, faces = int(np.isin(p.id[: p.owned], boundary.ids).sum()), len(boundary.rows(p))
+            if sim.comm.allreduce(here) > 0 and sim.comm.allreduce(faces) == 0:  # some bodies come later
+                side = scene.boundaries[name].water.side
+                towards = "" if side is None else f" that looks to {side}"
+                message = (
+                    f"none of its points has a face at the surface{towards}, through which water could go; let 'where' "
+                    "reach to the surface, or choose another side"
+                )
+                raise InputError("scene", [Problem(("boundaries", name, "water"), message)])
 
 
 def _soil(scene, name):

@@ -24,6 +24,9 @@ class Observer:
     def after_step(self, sim) -> None:
         """A step is done."""
 
+    def after_increment(self, sim) -> None:
+        """An increment of a quasi-static stage is done: time has gone on."""
+
     def finish_stage(self, sim, stage, summary: str) -> None:
         """A stage is over; `summary` says how."""
 
@@ -70,6 +73,8 @@ class ResultObserver(Observer):
         if passed >= self._number:
             self._write(sim)
             self._number = int(passed) + 1
+
+    after_increment = after_step
 
     def finish_stage(self, sim, stage, summary) -> None:
         """Write the end of a dynamics stage, or of a scene that only relaxes."""
@@ -118,15 +123,25 @@ class HistoryObserver(Observer):
         self.probes = probes
         self.interval = interval
         self.latest: dict[str, float] = {}
+        self._by_increments = False
 
     def start_stage(self, sim, stage) -> None:
         """Record the start."""
+        self.resume_stage(sim, stage)
         self._record(sim)
+
+    def resume_stage(self, sim, stage) -> None:
+        """Know whether the stage goes by steps or increments."""
+        self._by_increments = getattr(stage, "by_increments", False)
 
     def after_step(self, sim) -> None:
         """Record if it is time."""
-        if sim.step_number % self.interval == 0:
+        if sim.step_number % self.interval == 0 and not self._by_increments:
             self._record(sim)
+
+    def after_increment(self, sim) -> None:
+        """Record each."""
+        self._record(sim)
 
     def finish_stage(self, sim, stage, summary) -> None:
         """Record the end."""

@@ -16,13 +16,13 @@ from periporo.core.numerics.jit import kernel
 from periporo.core.points.particles import Field
 from periporo.core.ranks.reductions import exact_sum, maximum
 from periporo.core.water import conductance
-from periporo.core.water.content import fill_pressure
+from periporo.core.water.increments import Increments
 from periporo.core.water.pore_water import UndrainedWater
 from periporo.core.water.retention import conductivity_of, saturation_of
+from periporo.core.water.stages import integrate, stages_for
 
 _REFRESH = 20  # steps between looks at the geometry
-_EULER = 0.8  # of the longest stable explicit step
-_MOST_STAGES = 199
+MOST_STAGES = 199
 CONTENT, ENTERED, LEFT, RAN_OFF = range(4)  # columns of the unknowns of a step
 UNITS = {"water_stored": "m^3", "water_inflow": "m^3", "water_outflow": "m^3", "water_runoff": "m^3",
          "water_balance": "m^3"}  # fmt: skip
@@ -57,6 +57,7 @@ class FlowingWater(UndrainedWater):
     def __init__(self, pores, profile, free, permeability: Permeability):
         super().__init__(pores, profile, free)
         self.permeability = permeability
+        self.increments: Increments | None = None  # of quasi-static stages
 
     def attach(self, sim) -> None:
         """Declare the point fields."""
@@ -64,6 +65,8 @@ class FlowingWater(UndrainedWater):
         for field in conductance.fields(sim.particles.dimension):
             sim.particles.add_field(field)
         sim.particles.add_field(Field("exchanged_water", 4, "m^3", sent=False))
+        if self.increments is not None:
+            self.increments.attach(sim)
         weight = self.pores.density * self.permeability.gravity
         strength = float(np.sqrt((weight**2).sum()))
         if strength > 0.0:
@@ -79,24 +82,27 @@ class FlowingWater(UndrainedWater):
 
     def _advance(self, p, dt):
         sim = self._sim
+        if self.increments is not None and self.increments.running:
+            self.increments.follow(p, dt)
+            return
         if sim.step_number % _REFRESH == 0:  # at the start, too
-            conductance.find_conduction(p, sim.bonds.pairs, sim.halo)
+            self.look_around(p)
         before = p.water_content.copy()
         super()._advance(p, dt)
         if sim.rate_independent:
-            gained = p.water_content - before
-            p.exchanged_water[:, ENTERED] += np.maximum(gained, 0.0)
-            p.exchanged_water[:, LEFT] += np.maximum(-gained, 0.0)
+            self.note_exchange(p, p.water_content - before)
         elif dt > 0.0:
             self._flow(p, dt)
-            self._exchange(p, p.water_content)
+            self.exchange(p, p.water_content)
 
-    def _fill_pressure(self, p):
-        """Pressure of the content in the present volume."""
-        fill_pressure(
-            p.owned, p.material, self.pores.porosity, p.volume, p.pore_dilation, self.pores.bulk_modulus, self.curves,
-            p.water_content, p.porosity, p.saturation, p.pore_pressure,
-        )  # fmt: skip
+    def note_exchange(self, p, gained) -> None:
+        """Count as in- and outflow what the points have `gained` (owned,) m^3."""
+        p.exchanged_water[:, ENTERED] += np.maximum(gained, 0.0)
+        p.exchanged_water[:, LEFT] += np.maximum(-gained, 0.0)
+
+    def look_around(self, p) -> None:
+        """Find what pairs conduct where the points are now."""
+        conductance.find_conduction(p, self._sim.bonds.pairs, self._sim.halo)
 
     def histories(self) -> dict[str, float]:
         """What is stored, has come in and left, and the balance; collective."""
@@ -106,35 +112,56 @@ class FlowingWater(UndrainedWater):
         return dict(zip(UNITS, (stored, entered, left, ran_off, stored - start - entered + left), strict=True))
 
     def _flow(self, p, dt):
-        """Let water flow for `dt` s."""
-        n, pairs, sim = p.owned, self._sim.bonds.pairs, self._sim
-        self._describe(p)
-        inflows = [(boundary, boundary.rows(p)) for boundary in sim.inflows]
+        """Let water flow for `dt` s, in pores of constant volume."""
+        net = self.network(p)
+        stages = stages_for(0.5 * dt * self.fastest(p, net, np.zeros(p.owned)))
+        if not stages <= MOST_STAGES:
+            raise RuntimeError(
+                f"the flow of water is too fast for the time step, which would take {stages:.0f} stages; "
+                "lower conductivity or bulk_modulus of the water, or use drained water"
+            )
+        self.transport(p, net, self._sim.time, dt, stages, lambda gone: self._fill_pressure(p))
+
+    def network(self, p) -> tuple:
+        """What conducts water at present: of every pair a kappa and rho_w g . xi, and inflows with their points."""
+        pairs = self._sim.bonds.pairs
+        self.describe(p)
         conducted, drop = np.empty(len(pairs.first)), np.empty(len(pairs.first))
         _find_conducted(
             pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.conduction, p.flow_state,
             self.pores.density * self.permeability.gravity, conducted, drop, p.dim,
         )  # fmt: skip
-        start = np.zeros((n, 4))
-        start[:, CONTENT] = p.water_content
+        return conducted, drop, [(boundary, boundary.rows(p)) for boundary in self._sim.inflows]
+
+    def transport(self, p, net, begin: float, dt: float, stages: int, find_pressure) -> None:
+        """Let water flow through `net` for `dt` s from the time `begin`.
+
+        `find_pressure` is a function of the seconds gone that fills pressure, porosity and saturation from the content.
+        """
+        n, pairs = p.owned, self._sim.bonds.pairs
+        conducted, drop, inflows = net
+        start = np.zeros((n + 1, 4))  # the last row is a clock
+        start[:n, CONTENT] = p.water_content
+
+        def fill(state):
+            p.water_content[:] = state[:n, CONTENT]
+            find_pressure(state[n, CONTENT])
 
         def flow_of(state):
-            p.water_content[:] = state[:, CONTENT]
-            self._fill_pressure(p)
-            self._describe(p)
-            flow = np.zeros((p.total, 4))
+            fill(state)
+            self.describe(p)
+            flow = np.zeros((p.total + 1, 4))
             _add_flows(pairs.first, pairs.second, conducted, drop, p.flow_state, flow)
             for boundary, rows in inflows:
-                boundary.add(p, rows, sim.time + dt, self, flow)
-            return flow[:n]
+                boundary.add(p, rows, begin + state[n, CONTENT], self, flow)
+            flow[n] = 1.0, 0.0, 0.0, 0.0
+            return flow[: n + 1]
 
-        rate = self._fastest(p, pairs, conducted, inflows)
-        state = integrate(flow_of, start, dt, _stages(0.5 * dt * rate))
-        p.exchanged_water[:, ENTERED:] += state[:, ENTERED:]
-        p.water_content[:] = state[:, CONTENT]
-        self._fill_pressure(p)
+        state = integrate(flow_of, start, dt, stages)
+        p.exchanged_water[:, ENTERED:] += state[:n, ENTERED:]
+        fill(state)
 
-    def _describe(self, p):
+    def describe(self, p):
         """Fill `flow_state` of all points."""
         _describe(
             p.owned, p.material, self.pores.porosity, self.curves, self.permeability.mobility,
@@ -143,8 +170,12 @@ class FlowingWater(UndrainedWater):
         )  # fmt: skip
         self._sim.halo.update(p, "flow_state")
 
-    def _fastest(self, p, pairs, conducted, inflows) -> float:
-        """A bound on the fastest rate of the flow, 1/s: twice the sum of what each point conducts over its capacity."""
+    def fastest(self, p, net, compliance) -> float:
+        """A bound on the fastest rate of the flow, 1/s: twice the sum of what each point conducts over its capacity.
+
+        `compliance` (owned,) 1/Pa is the rate of `pore_dilation` with the pressure.
+        """
+        pairs, (conducted, _, inflows) = self._sim.bonds.pairs, net
         sums = np.zeros(p.total)
         _sum_conducted(pairs.first, pairs.second, conducted, p.flow_state, sums)
         for boundary, rows in inflows:
@@ -153,38 +184,9 @@ class FlowingWater(UndrainedWater):
             self._sim.comm,
             _largest_rate(
                 p.owned, p.material, self.curves, self.pores.bulk_modulus, p.volume, p.pore_dilation, p.porosity,
-                p.pore_pressure, sums,
+                p.pore_pressure, compliance, sums,
             ),
         )  # fmt: skip
-
-
-def _stages(courant: float) -> int:
-    """Stages for a step of `courant` longest explicit ones: 1, an explicit step, or odd from 3 on."""
-    if courant <= _EULER:
-        return 1
-    stages = int(np.ceil(0.5 * (np.sqrt(9.0 + 16.0 * courant / _EULER) - 1.0)))
-    if not stages <= _MOST_STAGES:
-        raise RuntimeError(
-            f"the flow of water is {courant:.3g} times too fast for the time step, which would take {stages} stages; "
-            "lower conductivity or bulk_modulus of the water, or use drained water"
-        )
-    return max(3, stages + 1 - stages % 2)
-
-
-def integrate(rate, start: np.ndarray, dt: float, stages: int) -> np.ndarray:
-    """State after `dt` s of d(state)/dt = rate(state) from `start`, by an explicit step or RKL2 (see the module)."""
-    first = rate(start)
-    if stages == 1:
-        return start + dt * first
-    w = 4.0 / (stages**2 + stages - 2)
-    b = [1.0 / 3.0] * 3 + [(j * j + j - 2.0) / (2.0 * j * (j + 1.0)) for j in range(3, stages + 1)]
-    older, old = start, start + b[1] * w * dt * first
-    for j in range(2, stages + 1):
-        mu, nu = (2 * j - 1) / j * b[j] / b[j - 1], -(j - 1) / j * b[j] / b[j - 2]
-        new = mu * (old - start) + nu * (older - start) + start
-        new += mu * w * dt * (rate(old) - (1.0 - b[j - 1]) * first)
-        older, old = old, new
-    return old
 
 
 @kernel
@@ -241,12 +243,13 @@ def _sum_conducted(first, second, conducted, state, sums):
 
 
 @kernel
-def _largest_rate(owned, material, curves, bulk, volume, dilation, porosity, pressure, sums):
+def _largest_rate(owned, material, curves, bulk, volume, dilation, porosity, pressure, compliance, sums):
     largest = 0.0
     for i in range(owned):
         s, slope = saturation_of(curves, material[i], -pressure[i], porosity[i], dilation[i])
         squeezed = 1.0 + pressure[i] / bulk
         capacity = volume[i] * dilation[i] * porosity[i] * (s / bulk - slope * squeezed)
+        capacity += volume[i] * s * squeezed * compliance[i]
         rate = 2.0 * sums[i] / capacity
         if rate > largest or np.isnan(rate):  # and stays
             largest = rate

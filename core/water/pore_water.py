@@ -110,8 +110,7 @@ class PoreWater:
         self._advance(p, dt)
         p.pore_stress[:n] = -p.saturation * p.pore_pressure
         if self.free is not None:
-            sim = self._sim
-            p.pore_stress[:n] += self.free.pressure(p, sim.time if sim.rate_independent else sim.time + dt)
+            p.pore_stress[:n] += self.free.pressure(p, self._sim.reached(dt))
         if self._bonds:
             p.bonding_variable[:n] = bonding_variable(np.maximum(-p.pore_pressure, 0.0), p.saturation)
         self._sim.halo.update(p, "pore_stress", *(("bonding_variable",) if self._bonds else ()))
@@ -128,7 +127,7 @@ class PoreWater:
         """Pressure, saturation, porosity and mass of the owned points at the end of the step."""
         raise NotImplementedError
 
-    def _exchange(self, p, content) -> None:
+    def exchange(self, p, content) -> None:
         """Let the owned points hold the `content` (owned,) m^3 of water at zero pressure."""
         _exchange_water(
             p.owned, self.pores.density, content, p.grain_mass, p.mass, p.velocity, p.work, p.dim
@@ -154,7 +153,7 @@ class DrainedWater(PoreWater):
             p.pore_pressure[:] = self.profile.at(p.position[:n])
         ratio = (1.0 - initial) / (1.0 - p.porosity)
         p.saturation[:] = saturations(self.curves, p.material[:n], -p.pore_pressure, p.porosity, ratio)
-        self._exchange(p, p.saturation * p.porosity * p.present_volume() * p.jacobian)
+        self.exchange(p, p.saturation * p.porosity * p.present_volume() * p.jacobian)
 
 
 class UndrainedWater(PoreWater):
@@ -182,15 +181,30 @@ class UndrainedWater(PoreWater):
 
     def _advance(self, p, dt):
         follow_volume(p, self._sim.scheme.seen_gradient(p), dt)
-        state = p.owned, p.material, self.pores.porosity, p.volume, p.pore_dilation, self.pores.bulk_modulus
         if self._sim.rate_independent:
-            fill_content(*state, self.curves, p.pore_pressure, p.porosity, p.saturation, p.water_content)
-            self._exchange(p, p.water_content)
+            self.fill_content(p, p.water_content)
+            self.exchange(p, p.water_content)
         else:
-            fill_pressure(*state, self.curves, p.water_content, p.porosity, p.saturation, p.pore_pressure)
+            self._fill_pressure(p)
+
+    def fill_content(self, p, content):
+        """The `content` (owned,) m^3 that the present pressure makes in the present volume, porosity and saturation."""
+        fill_content(
+            p.owned, p.material, self.pores.porosity, p.volume, p.pore_dilation, self.pores.bulk_modulus, self.curves,
+            p.pore_pressure, p.porosity, p.saturation, content,
+        )  # fmt: skip
+
+    def _fill_pressure(self, p):
+        """Pressure of the content in the present volume, porosity and saturation."""
+        fill_pressure(
+            p.owned, p.material, self.pores.porosity, p.volume, p.pore_dilation, self.pores.bulk_modulus, self.curves,
+            p.water_content, p.porosity, p.saturation, p.pore_pressure,
+        )  # fmt: skip
 
     def _stiffness(self, block) -> np.ndarray:
-        """What the water of the points adds to the bulk modulus of a block's rows, (n,) Pa."""
+        """What the water of the points adds to the bulk modulus of a block's rows, (n,) Pa: nothing in relaxation."""
+        if self._sim.rate_independent:
+            return np.zeros(len(block.active))
         p = self._sim.particles
         rows = np.asarray(block.first, np.int64)
         return pore_stiffness(

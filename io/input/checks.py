@@ -17,7 +17,7 @@ from periporo.io.schema.contacts import Absorb, Boundary, Traction, WaterAtFaces
 from periporo.io.schema.errors import model_problems, problems_of
 from periporo.io.schema.fields import field_schema, is_field, read_field
 from periporo.io.schema.obstacles import Free, Rotation, TerrainContact
-from periporo.io.schema.scene import POINT_SCHEMES, SceneInput
+from periporo.io.schema.scene import POINT_SCHEMES, STILL, SceneInput
 from periporo.materials import registry
 
 _DRIFT = 0.05  # of the largest velocity, or displacement, that a record may leave
@@ -240,11 +240,11 @@ def _gravity_problems(scene: SceneInput) -> Iterator[Problem]:
 def _motion_problems(scene: SceneInput) -> Iterator[Problem]:
     """Displacements that would make points jump, and velocities of bodies that never move."""
     for k, body in enumerate(scene.bodies):
-        if any(body.velocity or ()) and all(stage.type == "relax" for stage in scene.stages):
+        if any(body.velocity or ()) and all(stage.type in STILL for stage in scene.stages):
             message = "would never act, for there is no stage of type 'dynamics'; add one, or leave it out"
             yield Problem(("bodies", k, "velocity"), message)
     for k, contact in enumerate(scene.contacts):
-        if getattr(contact, "moves", False) and all(stage.type == "relax" for stage in scene.stages):
+        if getattr(contact, "moves", False) and all(stage.type in STILL for stage in scene.stages):
             message = "would never move, for there is no stage of type 'dynamics'; add one, or let it stand"
             yield Problem(("contacts", k), message)
     yield from _record_problems(scene)
@@ -270,9 +270,14 @@ def _record_problems(scene: SceneInput) -> Iterator[Problem]:
                     )
                     yield Problem((*path, axis), message)
     for k, stage in enumerate(scene.stages):
-        for n, name in enumerate(stage.boundaries if stage.type == "relax" else ()):
-            if name in scene.boundaries and scene.boundaries[name].absorb is not None:
-                message = "absorbs waves, and has no hold in a relax stage; fix its points there"
+        for n, name in enumerate(stage.boundaries if stage.type in STILL else ()):
+            boundary = scene.boundaries.get(name)
+            if boundary is not None and boundary.absorb is not None:
+                message = f"absorbs waves, and has no hold in a {stage.type} stage; fix its points there"
+                yield Problem(("stages", k, "boundaries", n), message)
+            motions = () if boundary is None else (boundary.velocity, boundary.displacement, boundary.acceleration)
+            if stage.type == "quasi_static" and any(motion is not None for motion in motions):
+                message = "moves, for which a quasi_static stage has no time; load it by a traction, or fix its points"
                 yield Problem(("stages", k, "boundaries", n), message)
 
 
@@ -314,6 +319,10 @@ def _water_problems(scene: SceneInput) -> Iterator[Problem]:
             yield Problem(("boundaries", name, "water"), message)
         if boundary.water is not None and {boundary.water.kind} & {"head", "rain"} and not any(scene.gravity or ()):
             yield Problem(("boundaries", name, "water"), f"{boundary.water.kind} needs gravity; give 'gravity'")
+    for k, stage in enumerate(scene.stages):
+        if stage.type == "quasi_static" and (water is None or water.drainage != "flowing"):
+            message = "goes by the time in which water flows; give pore_water with 'drainage: flowing', or relax"
+            yield Problem(("stages", k, "type"), message)
     if water is None:
         return
     for name in ("water_table", "free_water"):

@@ -85,6 +85,28 @@ class DynamicsStage(_Stage):
     )
 
 
+class QuasiStaticStage(_Stage):
+    """Hours or days in which water flows while the soil stays in equilibrium, in increments of physical time.
+
+    It ends early where no equilibrium is found any more; what follows begins at that time. Boundaries that move stand
+    still.
+    """
+
+    type: Literal["quasi_static"] = key("kind of stage")
+    duration: Real = key("duration", "s", gt=0, le=1e12)
+    accuracy: Real = key(
+        "error of the pressure in an increment, over the largest pressure, by which its length is chosen", "1",
+        default=0.02, ge=1e-6, le=0.5,
+    )
+    tolerance: Real = key(
+        "out-of-balance force over load up to which it is equilibrium", "1", default=1e-4, ge=1e-14, le=0.1
+    )
+    max_steps: Integer = key(
+        "steps in search of equilibrium after which it is lost", default=20_000, ge=1, le=10**9
+    )
+    boundaries: tuple[Name, ...] = key("boundary conditions in force", default=())
+
+
 class StrengthReductionStage(_Stage):
     """Trials with weaker and weaker soil that look for the factor of safety; its results show the failure.
 
@@ -104,7 +126,12 @@ class StrengthReductionStage(_Stage):
     boundaries: tuple[Name, ...] = key("boundary conditions in force", default=())
 
 
-Stage = Annotated[RelaxStage | DynamicsStage | StrengthReductionStage, Field(discriminator="type")]
+STILL = ("relax", "quasi_static")
+"""Stages in which what is prescribed stands still."""
+
+Stage = Annotated[
+    RelaxStage | DynamicsStage | QuasiStaticStage | StrengthReductionStage, Field(discriminator="type")
+]
 
 
 SchemeName = Literal["bond_projected", "point_state", "standard", "sub_horizon", "sub_horizon_published"]

@@ -6,6 +6,7 @@ from . import (
     closed_forms,
     collapse,
     columns,
+    consolidation,
     contacts,
     energy,
     footing,
@@ -92,6 +93,10 @@ CASES = (
     Case("C4", contacts.torsion),
     Case("C5", contacts.moving_walls),
     Case("W1", seepage.consolidation),
+    Case("W1", consolidation.one_way),
+    Case("W2", consolidation.large_strain),
+    Case("W3", consolidation.slab),
+    Case("W4", consolidation.sphere),
     Case("W5", seepage.infiltration),
     Case("W9", waves.undrained_wave),
 )

@@ -82,3 +82,12 @@ def test_obstacles_that_appear_in_soil_are_refused_whatever_the_stage(scene_of, 
     else:
         with pytest.raises(InputError, match="reaches"):
             doubts(scene)
+
+
+def test_a_permeability_in_the_wrong_unit(scene_of):
+    elastic = {"model": "elastic", "density": 1600.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
+    water = {"suction": 0, "drainage": "flowing", "porosity": 0.4, "bulk_modulus": 1e7, "viscosity": 1e3}
+    (text,) = doubts(scene_of(materials=elastic, pore_water=water | {"permeability": 1e-5}))
+    assert "1e-05 m^2 is more than that of gravel; is it a conductivity in m/s?" in text
+    (text,) = doubts(scene_of(materials=elastic, pore_water=water | {"conductivity": 1e-14}))
+    assert "1e-14 m/s is less than that of any clay; is it a permeability in m^2?" in text

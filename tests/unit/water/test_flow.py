@@ -5,7 +5,8 @@ import pytest
 
 from periporo.core.numerics.jit import kernel
 from periporo.core.water.conductance import pair_conductance
-from periporo.core.water.flow import FlowingWater, integrate
+from periporo.core.water.flow import FlowingWater
+from periporo.core.water.stages import integrate
 from periporo.errors import InputError
 from periporo.io.input.load import parse_scene
 
@@ -199,3 +200,9 @@ def test_what_flow_needs_is_said(scene_of, started):
         parse_scene(scene | {"boundaries": rain, "gravity": None}, ".")
     with pytest.raises(InputError, match="exactly one of pressure, head, flux, rain"):
         parse_scene(scene | {"boundaries": {"rain": {"where": {"body": "block"}, "water": {}}}}, ".")
+
+
+def test_water_needs_a_surface(scene_of, started):
+    rain = {"rain": {"where": row(0.105), "water": {"rain": 1e-6, "side": "y+"}}}
+    with pytest.raises(InputError, match=r"none of its points has a face at the surface that looks to y\+"):
+        started(held(scene_of, FLOWING, rain))

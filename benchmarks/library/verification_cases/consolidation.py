@@ -1,0 +1,217 @@
+"""W1 to W4 in equilibrium: consolidation by increments of physical time."""
+
+import numpy as np
+
+from periporo.core.loads.boundary import Motion
+from periporo.core.watch.observers import Observer
+from periporo.core.water.flow import FlowingWater
+
+from .common import DEFAULT, DENSITY, P_MODULUS, SHEAR, Figure, box, owned, simulation
+from .seepage import PORES, terzaghi
+
+STIFF = 2e3  # of the water, over the skeleton
+_NEW = 0.05  # time factor up to which a front is thinner than the points can show
+
+
+class Increments(Observer):
+    """Keeps what function(sim) returns after every increment in which time went on, with the time in front."""
+
+    def __init__(self, function):
+        self.function = function
+        self.rows = []
+
+    def after_increment(self, sim):
+        """Record."""
+        if sim.time > 0.0:
+            self.rows.append((sim.time, *np.atleast_1d(self.function(sim))))
+
+    def run(self, sim):
+        """Run a simulation; time, and each recorded quantity, as arrays."""
+        sim.start()
+        sim.observers.append(self)
+        sim.run()
+        return np.array(self.rows).T
+
+
+def flowing(modulus, mobility=None):
+    """Pore water as stiff as `STIFF` skeletons of `modulus` Pa; by default T = t for a length of 1 m."""
+    mobility = (1.0 + 1.0 / STIFF) / modulus if mobility is None else mobility
+    return {"suction": 0, "drainage": "flowing", "porosity": PORES, "bulk_modulus": STIFF * PORES * modulus,
+            "permeability": 1e-5, "viscosity": 1e-5 / mobility}  # fmt: skip
+
+
+def stage(boundaries, duration=1.0, **keys):
+    """The quasi-static stage."""
+    return {"name": "wait", "type": "quasi_static", "duration": duration, "boundaries": list(boundaries), **keys}
+
+
+def layer(rows, load, scheme, material=None, wide=4, duration=1.0, jitter=0.0, **keys):
+    """A layer of thickness 2 between drains at its loaded faces, which nothing holds."""
+    spacing = 1.0 / rows
+    boundaries = {"sides": {"where": {"lower": [None, -2.0]}, "fix": ["x"]}}
+    for side, sign, where in (
+        ("y-", 1.0, {"upper": [None, spacing - 1.0]}), ("y+", -1.0, {"lower": [None, 1.0 - spacing]}),
+    ):  # fmt: skip
+        name = "below" if side == "y-" else "above"
+        boundaries[f"load {name}"] = {"where": where, "traction": {"stress": [0.0, sign * load], "side": side}}
+        boundaries[f"drain {name}"] = {"where": where, "water": {"pressure": 0, "side": side}}
+    given = {} if material is None else {"material": material}
+    return simulation(
+        spacing, box([0.0, -1.0], [wide * spacing, 1.0]), scheme=scheme, pore_water=flowing(P_MODULUS),
+        boundaries=boundaries, stages=[stage(boundaries, duration, **keys)], jitter=jitter, **given,
+    )  # fmt: skip
+
+
+def one_way(full=False, scheme=DEFAULT):
+    """W1: a layer that drains at its faces in at most 60 increments of equilibrium, against Terzaghi's series."""
+    rows, load = 40 if full else 10, 1e3
+    sim = layer(rows, load, scheme)
+
+    def look(s):
+        y, pressure = owned(s, "initial_position")[:, 1], owned(s, "pore_pressure") / load
+        return pressure[np.abs(y) < s.spacing].mean(), 1.0 - pressure.mean()
+
+    time, middle, degree = Increments(look).run(sim)
+    exact_middle, exact_degree = terzaghi(time, depth=1.0 - 0.5 / rows)
+    late = time > (0.002 if full else _NEW)
+    balance = next(p for p in sim.point_processes if isinstance(p, FlowingWater)).histories()
+    return [
+        Figure("pressure in the middle, over the load", np.abs(middle - exact_middle)[late].max(), at_most=0.01),
+        Figure("degree of consolidation", np.abs(degree - exact_degree)[late].max(), at_most=0.01),
+        Figure("increments", float(len(time)), at_most=60),
+        Figure("water not accounted for, over what left", abs(balance["water_balance"]) / balance["water_outflow"],
+               at_most=1e-6),
+    ]  # fmt: skip
+
+
+def large_strain(full=False, scheme=DEFAULT):
+    """W2: a layer under a load of the order of its modulus, permeability as (1 + e)^2, weightless."""
+    rows, figures = 40 if full else 10, []
+    exact = {0.5: (0.95970, 0.81228, 0.43108, 0.13541), 1.0: (0.96743, 0.84460, 0.49293, 0.17019)}
+    moments = np.array([0.1, 0.2, 0.5, 1.0])
+    for ratio, pressures in exact.items():
+        load = ratio * P_MODULUS
+        sim = layer(rows, load, scheme, duration=4.0)
+        water = next(p for p in sim.point_processes if isinstance(p, FlowingWater))
+        _conduct_as_voids(water)
+
+        def look(s, load=load):
+            y = owned(s, "initial_position")[:, 1]
+            top, below = (owned(s, "position")[np.abs(y - side) < s.spacing, 1].mean() for side in (1.0, -1.0))
+            pressure = owned(s, "pore_pressure")[np.abs(y) < s.spacing].mean() / load
+            return pressure, 1.0 - (top - below) / (2.0 - s.spacing)
+
+        time, middle, settlement = Increments(look).run(sim)
+        error = np.abs(np.interp(moments, time, middle) - pressures).max()
+        figures += [
+            Figure(f"pressure in the middle over the load, mq = {ratio:g}", error, at_most=0.02),
+            Figure(f"settlement at the end over its exact value, less 1, mq = {ratio:g}",
+                   abs(settlement[-1] / (1.0 - np.exp(-ratio)) - 1.0), at_most=0.02),
+        ]  # fmt: skip
+    return figures
+
+
+def _conduct_as_voids(water):
+    """Let the permeability follow the void ratio as (1 + e)^2."""
+    describe = water.describe
+
+    def described(p):
+        describe(p)
+        p.flow_state[: p.owned, 2] = water.permeability.mobility[p.material[: p.owned]] * p.pore_dilation**2
+        water._sim.halo.update(p, "flow_state")
+
+    water.describe = described
+
+
+class Plate(Motion):
+    """A smooth rigid plate: points of a row move alike along an axis, with the mean of what they would do."""
+
+    def __init__(self, rows, axis):
+        self.rows = rows
+        self.axis = axis
+
+    def apply(self, p, time, dt, closing_step):
+        """Overwrite the velocity."""
+        self.hold_zero(p, p.velocity)
+
+    def foresee(self, p, time, dt, velocity):
+        """As `apply`."""
+
+    def hold_zero(self, p, free):
+        """Take the mean."""
+        free[self.rows, self.axis] = free[self.rows, self.axis].mean()
+
+
+def mandel(time, ratio, place=0.0):
+    """Pressure over its start at a `place` x/a, of a slab of Poisson's `ratio` between smooth plates."""
+    slope = (1.0 - ratio) / (0.5 - ratio)
+    roots = []
+    for k in range(200):
+        low, high = k * np.pi + 1e-9, (k + 0.5) * np.pi - 1e-12
+        for _ in range(100):
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if np.tan(middle) > slope * middle else (middle, high)
+        roots.append(0.5 * (low + high))
+    b = np.array(roots)
+    part = np.sin(b) / (b - np.sin(b) * np.cos(b)) * (np.cos(b * place) - np.cos(b))
+    return 2.0 * np.exp(-np.outer(np.atleast_1d(time), b * b)) @ part
+
+
+def slab(full=False, scheme=DEFAULT):
+    """W3: pressure in the middle of a slab squeezed between smooth rigid plates rises first (Mandel 1953)."""
+    rows, load, figures = 40 if full else 10, 1e3, []
+    for ratio in (0.0, 0.2) if full else (0.0,):
+        bulk = 2.0 * SHEAR * (1.0 + ratio) / (3.0 * (1.0 - 2.0 * ratio))
+        soil = {"model": "elastic", "density": DENSITY, "bulk_modulus": bulk, "shear_modulus": SHEAR}
+        spacing = 1.0 / rows
+        height = 8 * spacing
+        top, base = {"lower": [None, height - spacing]}, {"upper": [None, spacing]}
+        boundaries = {"right": {"where": {"body": "body0"}, "water": {"pressure": 0, "side": "x+"}},
+                      "left": {"where": {"body": "body0"}, "water": {"pressure": 0, "side": "x-"}},
+                      "above": {"where": top, "traction": {"stress": [0, -load], "side": "y+"}},
+                      "below": {"where": base, "traction": {"stress": [0, load], "side": "y-"}}}  # fmt: skip
+        sim = simulation(
+            spacing, box([-1.0, 0.0], [1.0, height]), scheme=scheme, material=soil,
+            pore_water=flowing(bulk + 4.0 / 3.0 * SHEAR), boundaries=boundaries, stages=[stage(boundaries)],
+        )  # fmt: skip
+        y = owned(sim, "position")[:, 1]
+        for end in (y.min(), y.max()):
+            sim.stages[0].prescribed_motions.append(Plate(np.flatnonzero(np.abs(y - end) < 0.1 * spacing), 1))
+
+        def look(s):
+            near = np.abs(owned(s, "initial_position")[:, 0]) < s.spacing
+            return owned(s, "pore_pressure")[near].mean() / (0.5 * load)
+
+        time, middle = Increments(look).run(sim)
+        exact, late = mandel(time, ratio, 0.5 / rows), time > 0.01
+        figures += [
+            Figure(f"pressure in the middle, nu = {ratio:g}", np.abs(middle - exact)[late].max(), at_most=0.01),
+            Figure(f"its peak less the exact one, nu = {ratio:g}", abs(middle.max() - exact[late].max()), at_most=0.01),
+        ]
+    return figures
+
+
+def sphere(full=False, scheme=DEFAULT):
+    """W4: pressure in the middle of a sphere that is loaded and drains at its surface rises first (Cryer 1963)."""
+    rows, load, figures = 20 if full else 10, 1e3, []
+    peaks = {0.0: (1.5754, 0.0627), 0.25: (1.3075, 0.0494), 1.0 / 3.0: (1.2090, 0.0442)}
+    for ratio, (peak, _) in peaks.items() if full else [(0.25, peaks[0.25])]:
+        bulk = 2.0 * SHEAR * (1.0 + ratio) / (3.0 * (1.0 - 2.0 * ratio))
+        soil = {"model": "elastic", "density": DENSITY, "bulk_modulus": bulk, "shear_modulus": SHEAR}
+        spacing = 2.0 / rows
+        # pressures less the load, which bears on the surface alike: what drains is under suction
+        boundaries = {"drain": {"where": {"body": "body0"}, "water": {"pressure": -load}}}
+        sim = simulation(
+            spacing, {"type": "sphere", "center": [0.0, 0.0, 0.0], "radius": 1.0}, dimension=3, scheme=scheme,
+            material=soil, pore_water=flowing(bulk + 4.0 / 3.0 * SHEAR), boundaries=boundaries,
+            stages=[stage(boundaries, 0.1)],
+        )  # fmt: skip
+
+        def look(s):
+            near = (owned(s, "initial_position") ** 2).sum(axis=1) < s.spacing**2
+            return 1.0 + owned(s, "pore_pressure")[near].mean() / load
+
+        _, middle = Increments(look).run(sim)
+        figures.append(Figure(f"peak over the exact one, less 1, nu = {ratio:.3g}", abs(middle.max() / peak - 1.0),
+                              at_most=0.03 if full else 0.06))  # fmt: skip
+    return figures

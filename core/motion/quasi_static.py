@@ -1,0 +1,148 @@
+"""Hours and days in which the soil stays in equilibrium while water flows.
+
+Time goes on in increments. In each one water flows, in pores that give way as elastic soil would under a constant total
+stress, and then the soil finds its equilibrium under the pressures; what its pores do beyond that is corrected until
+both agree (the fixed-stress split: Kim, Tchelepi & Juanes 2011). Increments are as long as the rates of pressure change
+little from one to the next. Where no equilibrium is found any more the stage is over, and the next one goes on.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from periporo.core.motion.relaxation import RelaxationError
+from periporo.core.motion.settling import Settling
+from periporo.core.motion.stages import Stage
+from periporo.core.points.particles import Field, Particles
+
+_AGREED = 0.2  # of the accuracy: to what flow and equilibrium have to agree
+_TURNS, _MOST_TURNS = 6, 30  # of the two in an increment: after these the accuracy itself will do, and most
+_MOST_TRIALS = 12  # of flow with shorter increments
+_REFUSED = 3.0  # accuracies, at which an increment is tried again with a shorter one
+_GROWTH, _DECLINE, _CAREFUL = 1.5, 0.25, 0.9
+_WAY, _LARGEST_WAY = 0.25, 1.0  # spacings in an increment: to which it is made shorter, and which is no equilibrium
+_REMEMBERED = ("end_time", "length", "increments", "lost", "_begun", "_turns", "_over")
+
+
+@dataclass
+class QuasiStaticStage(Stage):
+    """Flow in equilibrium for `duration` s, or until equilibrium is lost (`lost` says how, else it is empty).
+
+    Each increment may err by `accuracy` of the largest pressure (root mean square over the points); the force out of
+    balance falls to `tolerance` of the load, in at most `max_steps`. `water` offers `start`, `flow`, `disagreement`,
+    `correct`, `accept` and `stop` (`periporo.core.water.increments`).
+    """
+
+    duration: float = 0.0
+    accuracy: float = 0.02
+    tolerance: float = 1e-4
+    max_steps: int = 20_000
+    water: Any = field(default=None, repr=False, compare=False)
+    end_time: float = 0.0
+    length: float = 0.0  # s, of the next increment, or of the present one
+    increments: int = 0
+    lost: str = ""
+    settling: Settling = field(init=False, repr=False, compare=False)
+    by_increments: ClassVar[bool] = True  # observers look after them, not after steps
+
+    @staticmethod
+    def attach(p: Particles) -> None:
+        """Declare what the points keep."""
+        p.add_field(Field("settled_from", p.dimension, "m", sent=False))
+
+    def _set_out(self, sim) -> None:
+        self.end_time = sim.time + self.duration
+        self.increments, self.lost, self._over = 0, "", False
+
+    def _begin(self, sim) -> None:
+        self.settling = Settling(self.name, self.tolerance, self.max_steps)
+        sim.rate_independent = True
+        sim.dt = sim.time_step.choose(sim)
+        self.water.start()
+        self._begun = sim.time
+        self._enter(sim, 0.0)  # what was loaded at once answers before water flows
+
+    def _is_over(self, sim) -> bool:
+        while not self._over:
+            try:
+                if not self.settling.is_over(sim):
+                    return False
+            except RelaxationError as reason:
+                self.lost = str(reason).partition(": ")[2]
+                self._over = True
+                break
+            disagreement = self.water.disagreement()
+            if disagreement > (_AGREED if self._turns < _TURNS else 1.0) * self.accuracy:
+                if self._turns == _MOST_TURNS:
+                    self.lost = f"flow and equilibrium differ by {disagreement:.3g} of the largest pressure"
+                    self._over = True
+                    break
+                self._turns += 1
+                self.water.correct()
+                self.water.flow(self.length)
+                self._settle(sim)
+                continue
+            self._accept(sim)
+        return True
+
+    def _accept(self, sim) -> None:
+        """The present increment is done; begin the next one, if there is one."""
+        way, error = self.settling.way(sim), self.water.accept()
+        self._begun += self.length
+        sim.ahead = 0.0
+        sim.reset_clock(self._begun)
+        if self.length > 0.0:
+            self.increments += 1
+            wanted = _CAREFUL * math.sqrt(self.accuracy / error) if error > 0.0 else _GROWTH
+            slower = _WAY * sim.spacing / way if way > 0.0 else _GROWTH
+            self.length *= min(max(wanted, _DECLINE), _GROWTH, max(slower, _DECLINE))
+        else:
+            self.length = min(self.water.shortest_time(), self.duration)
+        for observer in sim.observers:
+            observer.after_increment(sim)
+        left = self.end_time - self._begun
+        if left <= 1e-12 * self.duration:
+            self._over = True
+            return
+        self._enter(sim, left if left <= 1.001 * self.length else min(self.length, 0.5 * left))
+
+    def _enter(self, sim, length: float) -> None:
+        """Begin an increment of at most `length` s."""
+        p = sim.particles
+        p.settled_from[:] = p.position[: p.owned]
+        self.settling.largest_way = math.inf if length == 0.0 else _LARGEST_WAY * sim.spacing
+        for _ in range(_MOST_TRIALS):
+            error = self.water.flow(length)
+            if not error > _REFUSED * self.accuracy:
+                break
+            length *= max(_CAREFUL * math.sqrt(self.accuracy / error), _DECLINE)
+        self.length, self._turns = length, 0
+        sim.ahead = length
+        self._settle(sim)
+
+    def _settle(self, sim) -> None:
+        """Look for equilibrium under the present pressures."""
+        sim.apply_loads(0.0)
+        self.settling.begin(sim)
+
+    def _finish(self, sim) -> str:
+        self.settling.end(sim)
+        self.water.stop()
+        sim.ahead = 0.0
+        ending = f"equilibrium is lost at t = {sim.time:.6g} s: {self.lost}" if self.lost else f"t = {sim.time:.6g} s"
+        return f"{ending}, {self.increments} increments"
+
+    def memory(self) -> dict:
+        """What a checkpoint keeps."""
+        kept = {name: getattr(self, name) for name in _REMEMBERED}
+        return kept | {"settling": self.settling.memory(), "water": self.water.memory()}
+
+    def recall(self, sim, memory: dict) -> None:
+        """Go on from there."""
+        for name in _REMEMBERED:
+            setattr(self, name, memory[name])
+        self.settling = Settling(self.name, self.tolerance, self.max_steps)
+        self.settling.recall(sim, memory["settling"])
+        self.settling.largest_way = math.inf if self.length == 0.0 else _LARGEST_WAY * sim.spacing
+        sim.ahead = self.length
+        self.water.recall(memory["water"])
