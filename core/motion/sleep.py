@@ -37,7 +37,7 @@ class Sleep:
 
     `set_aside` J is the kinetic energy that was taken from points that fell asleep, `share` the part of all points that
     sleep. Point fields: `asleep` is 0 for a point that is awake, 1 from when it fell asleep until its loads are known,
-    then 2; `quiet` counts looks.
+    then 2; `quiet` counts looks; `guard` is 1 for points that were close to sleepers when neighbours were found.
     """
 
     def __init__(self, speed: float, steps: int):
@@ -52,6 +52,7 @@ class Sleep:
         d = p.dimension
         p.add_field(Field("asleep", None, "", dtype=np.int64))
         p.add_field(Field("quiet", None, "", sent=False, dtype=np.int64))
+        p.add_field(Field("guard", None, "", sent=False, dtype=np.int64))
         p.add_field(Field("held_flux", d * d, "Pa/m^5", sent=False))
         p.add_field(Field("held_load", d, "N", sent=False))
         p.add_field(Field("disturbed", None, "1", migrates=False))
@@ -69,9 +70,7 @@ class Sleep:
         p.quiet[:] = np.where(slow, p.quiet + 1, 0)
         fell = np.flatnonzero(p.asleep[:n] == 1)
         p.held_load[fell], p.asleep[fell] = _loads(sim)[fell], 2
-        wakes = False
-        if self.share > 0.0:
-            wakes = bool((self._woken(sim) & (p.asleep[:n] != 0)).any())
+        wakes = self.share > 0.0 and bool((self._loud(sim) & ((p.guard != 0) | (p.asleep[:n] != 0))).any())
         if sim.step_number % (LOOK_INTERVAL * self._looks) == 0:
             tired = int((self._calm(sim) & (p.asleep[:n] == 0)).sum())
             tired, awake = sim.comm.allreduce(np.array([tired, p.awake])).tolist()
@@ -87,14 +86,17 @@ class Sleep:
         before = p.asleep[:n] != 0
         after = self._calm(sim)
         if self.share > 0.0:
-            after = np.where(before, ~self._woken(sim), after)
+            after = np.where(before, ~self._around(sim, self._loud(sim)), after)
         p.quiet[before & ~after] = 0
+        p.guard[:] = self._around(sim, after) & ~after
         self._lay_down(sim, np.flatnonzero(after & ~before))
         p.asleep[:n] = np.where(after, np.maximum(p.asleep[:n], 1), 0)
-        counts = np.array([int(after.sum()), n, int((after != before).sum())])
-        asleep, total, changed = sim.comm.allreduce(counts).tolist()
+        counts = np.array([int(after.sum()), n, int((after & ~before).sum()), int((before & ~after).sum())])
+        asleep, total, fell, woke = sim.comm.allreduce(counts).tolist()
         self.share = asleep / max(total, 1)
-        return changed > 0
+        if woke:
+            sim.time_step.expire()  # which those that are awake have set
+        return fell + woke > 0
 
     def wake_all(self, sim) -> None:
         """Wake every point, at the start of a stage: its conditions are others; collective."""
@@ -135,13 +137,13 @@ class Sleep:
         p, n = sim.particles, sim.particles.owned
         return ~self._around(sim, ((p.quiet < self._looks) & (p.asleep[:n] == 0)) | _moved_by_others(sim))
 
-    def _woken(self, sim) -> np.ndarray:
-        """Which owned points something nearby, or a load, keeps from sleeping."""
+    def _loud(self, sim) -> np.ndarray:
+        """Which owned points wake others: they are fast, or moved from outside, or sleep no more under their load."""
         p, n = sim.particles, sim.particles.owned
         loud = ~(square_lengths(p.velocity[:n]) <= (_LOUD * self.speed) ** 2)  # NaN is loud
         gained = np.sqrt(square_lengths(_loads(sim) - p.held_load)) * self.steps * sim.dt
         pushed = (p.asleep[:n] == 2) & ~(gained <= _LOUD * self.speed * p.mass)
-        return self._around(sim, loud | pushed | _moved_by_others(sim))
+        return loud | pushed | _moved_by_others(sim)
 
     def _around(self, sim, chosen) -> np.ndarray:
         """Which owned points are the `chosen` (owned,), or within two steps of `_REACH` horizons of one; collective."""

@@ -59,6 +59,8 @@ class StableTimeStep:
         """The time step (s) for the present configuration."""
         if self.fixed is not None:
             return self.fixed * self.reduction
+        if sim.sleep is not None and sim.sleep.share == 1.0:
+            return sim.dt
         local = local_frequency(sim, sim.contacts, self.interval * sim.dt)
         grows = local > (1.0 + _DRIFT) * self._local and self._local > 0.0
         self._local, self._again = local, sim.step_number + max(1, self.interval // 4 if grows else self.interval)
