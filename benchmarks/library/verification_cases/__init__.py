@@ -88,7 +88,6 @@ CASES = (
     Case("collapse", collapse.collapse),
     Case("W1", seepage.consolidation),
     Case("W1", consolidation.one_way),
-    Case("W2", consolidation.large_strain),
     Case("W3", consolidation.slab),
     Case("W4", consolidation.sphere),
     Case("W5", seepage.infiltration),
