@@ -17,7 +17,6 @@ from periporo.core.points.particles import Field, Particles
 
 _AGREED = 0.2  # of the accuracy: to what flow and equilibrium have to agree
 _TURNS, _MOST_TURNS = 6, 30  # of the two in an increment: after these the accuracy itself will do, and most
-_MOST_TRIALS = 12  # of flow with shorter increments
 _REFUSED = 3.0  # accuracies, at which an increment is tried again with a shorter one
 _GROWTH, _DECLINE, _CAREFUL = 1.5, 0.25, 0.9
 _WAY, _LARGEST_WAY = 0.25, 1.0  # spacings in an increment: to which it is made shorter, and which is no equilibrium
@@ -29,14 +28,14 @@ class QuasiStaticStage(Stage):
     """Flow in equilibrium for `duration` s, or until equilibrium is lost (`lost` says how, else it is empty).
 
     Each increment may err by `accuracy` of the largest pressure (root mean square over the points); the force out of
-    balance falls to `tolerance` of the load, in at most `max_steps`. `water` offers `start`, `flow`, `disagreement`,
-    `correct`, `accept` and `stop` (`periporo.core.water.increments`).
+    balance falls to `tolerance` of the load, in at most `max_steps` of an increment. `water` offers `start`, `flow`,
+    `disagreement`, `correct`, `accept` and `stop` (`periporo.core.water.increments`).
     """
 
     duration: float = 0.0
     accuracy: float = 0.02
     tolerance: float = 1e-4
-    max_steps: int = 20_000
+    max_steps: int = 10_000
     water: Any = field(default=None, repr=False, compare=False)
     end_time: float = 0.0
     length: float = 0.0  # s, of the next increment, or of the present one
@@ -65,6 +64,8 @@ class QuasiStaticStage(Stage):
     def _is_over(self, sim) -> bool:
         while not self._over:
             try:
+                if self.length == 0.0 and self.water.disagreement() > _AGREED * self.accuracy:
+                    self._answer_at_once(sim)
                 if not self.settling.is_over(sim):
                     return False
             except RelaxationError as reason:
@@ -74,16 +75,22 @@ class QuasiStaticStage(Stage):
             disagreement = self.water.disagreement()
             if disagreement > (_AGREED if self._turns < _TURNS else 1.0) * self.accuracy:
                 if self._turns == _MOST_TURNS:
-                    self.lost = f"flow and equilibrium differ by {disagreement:.3g} of the largest pressure"
+                    self.lost = f"flow and equilibrium differ by {disagreement:.3g} of the pressure; raise accuracy"
                     self._over = True
                     break
                 self._turns += 1
                 self.water.correct()
                 self.water.flow(self.length)
-                self._settle(sim)
+                self._settle(sim, again=True)
                 continue
             self._accept(sim)
         return True
+
+    def _answer_at_once(self, sim) -> None:
+        """Let the water answer to each move towards undrained equilibrium: its soil alone would go far astray."""
+        self.water.correct(evenly=True)
+        self.water.flow(0.0)
+        self._settle(sim, again=True)
 
     def _accept(self, sim) -> None:
         """The present increment is done; begin the next one, if there is one."""
@@ -95,9 +102,10 @@ class QuasiStaticStage(Stage):
             self.increments += 1
             wanted = _CAREFUL * math.sqrt(self.accuracy / error) if error > 0.0 else _GROWTH
             slower = _WAY * sim.spacing / way if way > 0.0 else _GROWTH
-            self.length *= min(max(wanted, _DECLINE), _GROWTH, max(slower, _DECLINE))
+            resolved = max(self.length * max(wanted, _DECLINE), self.water.shortest_time())
+            self.length = min(resolved, _GROWTH * self.length, max(slower, _DECLINE) * self.length)
         else:
-            self.length = min(self.water.shortest_time(), self.duration)
+            self.length = self.water.shortest_time()
         for observer in sim.observers:
             observer.after_increment(sim)
         left = self.end_time - self._begun
@@ -111,19 +119,17 @@ class QuasiStaticStage(Stage):
         p = sim.particles
         p.settled_from[:] = p.position[: p.owned]
         self.settling.largest_way = math.inf if length == 0.0 else _LARGEST_WAY * sim.spacing
-        for _ in range(_MOST_TRIALS):
-            error = self.water.flow(length)
-            if not error > _REFUSED * self.accuracy:
-                break
-            length *= max(_CAREFUL * math.sqrt(self.accuracy / error), _DECLINE)
+        shortest = self.water.shortest_time()
+        while self.water.flow(length) > _REFUSED * self.accuracy and length > shortest:
+            length = max(_DECLINE * length, shortest)
         self.length, self._turns = length, 0
         sim.ahead = length
         self._settle(sim)
 
-    def _settle(self, sim) -> None:
+    def _settle(self, sim, again: bool = False) -> None:
         """Look for equilibrium under the present pressures."""
+        self.settling.begin(sim, again)
         sim.apply_loads(0.0)
-        self.settling.begin(sim)
 
     def _finish(self, sim) -> str:
         self.settling.end(sim)

@@ -18,7 +18,7 @@ from periporo.core.ranks.reductions import exact_sum, inner, maximum
 _MOST_ITERATIONS = 2000
 _SHARE = 0.3  # of the tolerance, or of
 _LEFT = 1e-2  # what is out of balance: what an elastic move may leave of it
-_WORTH = 0.5  # a move that leaves more was the last one
+_WORTH = 0.8  # a move that leaves more was the last one
 _LONGEST = 0.1  # spacings, of a move
 _REMEMBERED = ("_elastic", "_moved", "_before", "_largest", "iterations")
 
@@ -36,10 +36,12 @@ class Settling(Relaxation):
         self._largest = 0.0  # N^2, out of balance
         self._elastic, self._moved, self._before = True, False, math.inf
 
-    def begin(self, sim) -> None:
-        """Start from rest."""
+    def begin(self, sim, again: bool = False) -> None:
+        """Start from rest; steps go on to count if it begins `again`."""
+        first = self._first_step
         super().begin(sim)
-        self.steps, self._steering, self._downhill = 0, STEERING, 0
+        self._first_step = first if again else self._first_step
+        self._steering, self._downhill = STEERING, 0
         self._elastic, self._moved, self._before = True, False, math.inf
 
     def is_over(self, sim) -> bool:

@@ -30,11 +30,11 @@ _COLUMNS = 13
 # wrong by, and what it makes good; rates of p, and of J beyond c S_0 p, in the increment before
 PRESSURE, DILATION, FOUND, WATER, EXCHANGED = 0, 1, 2, 3, slice(4, 7)
 COMPLIANCE, CORRECTION, WRONG, CARRIED, PRESSURE_RATE, DILATION_RATE = range(7, 13)
-_FIRST = 2.0  # longest explicit steps of the flow in the first increment
+_SHORTEST = 1.0  # longest explicit steps of the flow
 _MOST_STAGES = 99  # of the flow at once
-_FASTER = 1.2  # what the flow may become in an increment; else it is done again
+_FASTER, _MUCH_FASTER = 1.2, 8.0  # what the flow may become in an increment; else it is done again, or is too long
 _MOST_TRIALS = 8
-_RELAXED = (0.1, 4.0)  # bounds of Aitken's factor
+_RELAXED = (0.2, 1.9)  # bounds of Aitken's factor: more would feed what answers at once
 _OWN = 3.0  # weight of a point in the mean over its neighbours, over the largest of them
 _CONVERGED = 1e-15  # of the volume, in the equation for the pressure
 _MOST_ITERATIONS = 200
@@ -82,7 +82,8 @@ class Increments:
     def flow(self, length: float) -> float:
         """Let water flow for `length` s from the start of the increment, in pores that give way as assumed.
 
-        Returns by how much pressures may err by then, over the largest pressure (root mean square); collective.
+        Returns by how much pressures may err by then, over the largest pressure (root mean square), and infinity where
+        it is too long; collective.
         """
         p, row = self._sim.particles, self._sim.particles.increment
         if length != self.length:
@@ -101,6 +102,9 @@ class Increments:
             end = self.water.fastest(p, net, row[:, COMPLIANCE])
             if not end > _FASTER * rate or length == 0.0:
                 break
+            if not end < _MUCH_FASTER * rate:  # pores have filled: the stages were too few to be stable
+                p.pore_pressure[:], p.pore_dilation[:] = row[:, PRESSURE], found
+                return math.inf
             rate = end
         p.pore_dilation[:] = found
         self.water.exchange(p, p.water_content)
@@ -108,9 +112,9 @@ class Increments:
         return self._error(p)
 
     def shortest_time(self) -> float:
-        """Length of a first increment, s: of the order of the fastest flow; collective."""
+        """Length of an increment, s, in which water flows about as far as the next point; collective."""
         p = self._sim.particles
-        return _FIRST / self.water.fastest(p, self.water.network(p), p.increment[:, COMPLIANCE])
+        return _SHORTEST / self.water.fastest(p, self.water.network(p), p.increment[:, COMPLIANCE])
 
     def disagreement(self) -> float:
         """What the volumes found differ from those assumed by, as pressures over the largest (root mean square)."""
@@ -118,11 +122,11 @@ class Increments:
         wrong = self._wrong(p) / row[:, COMPLIANCE]
         return self._relative(p, wrong)
 
-    def correct(self) -> None:
-        """Correct the volumes that are assumed by what they were wrong by."""
+    def correct(self, evenly: bool = False) -> None:
+        """Correct the volumes that are assumed by what they were wrong by, `evenly`, or by Aitken's factor."""
         p, row, comm = self._sim.particles, self._sim.particles.increment, self._sim.comm
         wrong = self._wrong(p)
-        if self.relaxation == 0.0:
+        if self.relaxation == 0.0 or evenly:
             self.relaxation = 1.0
         else:
             change = wrong - row[:, WRONG]

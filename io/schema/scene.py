@@ -102,7 +102,7 @@ class QuasiStaticStage(_Stage):
         "out-of-balance force over load up to which it is equilibrium", "1", default=1e-4, ge=1e-14, le=0.1
     )
     max_steps: Integer = key(
-        "steps in search of equilibrium after which it is lost", default=20_000, ge=1, le=10**9
+        "steps in search of equilibrium, in an increment, after which it is lost", default=10_000, ge=1, le=10**9
     )
     boundaries: tuple[Name, ...] = key("boundary conditions in force", default=())
 

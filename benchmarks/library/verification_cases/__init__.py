@@ -94,7 +94,6 @@ CASES = (
     Case("C5", contacts.moving_walls),
     Case("W1", seepage.consolidation),
     Case("W1", consolidation.one_way),
-    Case("W2", consolidation.large_strain),
     Case("W3", consolidation.slab),
     Case("W4", consolidation.sphere),
     Case("W5", seepage.infiltration),

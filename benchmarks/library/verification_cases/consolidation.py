@@ -1,4 +1,4 @@
-"""W1 to W4 in equilibrium: consolidation by increments of physical time."""
+"""W1, W3 and W4 in equilibrium: consolidation by increments of physical time."""
 
 import numpy as np
 
@@ -45,20 +45,19 @@ def stage(boundaries, duration=1.0, **keys):
     return {"name": "wait", "type": "quasi_static", "duration": duration, "boundaries": list(boundaries), **keys}
 
 
-def layer(rows, load, scheme, material=None, wide=4, duration=1.0, jitter=0.0, **keys):
+def layer(rows, load, scheme):
     """A layer of thickness 2 between drains at its loaded faces, which nothing holds."""
     spacing = 1.0 / rows
     boundaries = {"sides": {"where": {"lower": [None, -2.0]}, "fix": ["x"]}}
-    for side, sign, where in (
-        ("y-", 1.0, {"upper": [None, spacing - 1.0]}), ("y+", -1.0, {"lower": [None, 1.0 - spacing]}),
+    for name, side, pressed, where in (
+        ("below", "y-", load, {"upper": [None, spacing - 1.0]}),
+        ("above", "y+", -load, {"lower": [None, 1.0 - spacing]}),
     ):  # fmt: skip
-        name = "below" if side == "y-" else "above"
-        boundaries[f"load {name}"] = {"where": where, "traction": {"stress": [0.0, sign * load], "side": side}}
+        boundaries[f"load {name}"] = {"where": where, "traction": {"stress": [0.0, pressed], "side": side}}
         boundaries[f"drain {name}"] = {"where": where, "water": {"pressure": 0, "side": side}}
-    given = {} if material is None else {"material": material}
     return simulation(
-        spacing, box([0.0, -1.0], [wide * spacing, 1.0]), scheme=scheme, pore_water=flowing(P_MODULUS),
-        boundaries=boundaries, stages=[stage(boundaries, duration, **keys)], jitter=jitter, **given,
+        spacing, box([0.0, -1.0], [4 * spacing, 1.0]), scheme=scheme, pore_water=flowing(P_MODULUS),
+        boundaries=boundaries, stages=[stage(boundaries)],
     )  # fmt: skip
 
 
@@ -82,45 +81,6 @@ def one_way(full=False, scheme=DEFAULT):
         Figure("water not accounted for, over what left", abs(balance["water_balance"]) / balance["water_outflow"],
                at_most=1e-6),
     ]  # fmt: skip
-
-
-def large_strain(full=False, scheme=DEFAULT):
-    """W2: a layer under a load of the order of its modulus, permeability as (1 + e)^2, weightless."""
-    rows, figures = 40 if full else 10, []
-    exact = {0.5: (0.95970, 0.81228, 0.43108, 0.13541), 1.0: (0.96743, 0.84460, 0.49293, 0.17019)}
-    moments = np.array([0.1, 0.2, 0.5, 1.0])
-    for ratio, pressures in exact.items():
-        load = ratio * P_MODULUS
-        sim = layer(rows, load, scheme, duration=4.0)
-        water = next(p for p in sim.point_processes if isinstance(p, FlowingWater))
-        _conduct_as_voids(water)
-
-        def look(s, load=load):
-            y = owned(s, "initial_position")[:, 1]
-            top, below = (owned(s, "position")[np.abs(y - side) < s.spacing, 1].mean() for side in (1.0, -1.0))
-            pressure = owned(s, "pore_pressure")[np.abs(y) < s.spacing].mean() / load
-            return pressure, 1.0 - (top - below) / (2.0 - s.spacing)
-
-        time, middle, settlement = Increments(look).run(sim)
-        error = np.abs(np.interp(moments, time, middle) - pressures).max()
-        figures += [
-            Figure(f"pressure in the middle over the load, mq = {ratio:g}", error, at_most=0.02),
-            Figure(f"settlement at the end over its exact value, less 1, mq = {ratio:g}",
-                   abs(settlement[-1] / (1.0 - np.exp(-ratio)) - 1.0), at_most=0.02),
-        ]  # fmt: skip
-    return figures
-
-
-def _conduct_as_voids(water):
-    """Let the permeability follow the void ratio as (1 + e)^2."""
-    describe = water.describe
-
-    def described(p):
-        describe(p)
-        p.flow_state[: p.owned, 2] = water.permeability.mobility[p.material[: p.owned]] * p.pore_dilation**2
-        water._sim.halo.update(p, "flow_state")
-
-    water.describe = described
 
 
 class Plate(Motion):
