@@ -109,22 +109,28 @@ def _text(names: list[str], page_of: dict[str, str] | None = None) -> str:
         elif name == "MaterialInput":
             parts.append(_laws(page_of))
         else:
-            node = schema["$defs"][name]
-            table = _table(parameters_of(node), page_of)
-            parts.append(f"## {_heading(name)}\n\n{_wrapped(node['description'])}\n\n{table}")
+            parts.append(_section(name, schema["$defs"][name], page_of))
     return "\n".join(parts)
 
 
+def _section(name: str, node: dict[str, Any], page_of: dict[str, str]) -> str:
+    """The section on a definition."""
+    return f"## {_heading(name)}\n\n{_wrapped(node['description'])}\n\n{_table(parameters_of(node), page_of)}"
+
+
 def _laws(page_of: dict[str, str]) -> str:
-    """The section on the keys of the built-in laws."""
+    """The section on the keys of the built-in laws, and those on what these refer to."""
     parts = ["## Materials\n", "An entry of `materials` has the key `model` and those of the law that it names.\n"]
     parts.append("Any number may be a mapping with the key `field`: [soil that varies](../../how-to/fields.md).\n")
+    definitions: dict[str, Any] = {}
     for name in sorted(registry.available()):
         law = registry.load(name)
         if law.__module__.startswith("periporo."):
             node = law_schema(law)
+            definitions |= node.get("$defs", {})
             description = _wrapped(node.get("description", "").split("\n\n")[0])
             parts += [f"### `model: {name}`\n", f"{description}\n", _table(parameters_of(node), page_of)]
+    parts += [_section(name, node, page_of) for name, node in sorted(definitions.items())]
     return "\n".join(parts)
 
 

@@ -127,6 +127,30 @@ def construction():
     }  # fmt: skip
 
 
+def three_laws():
+    """Sensitive clay, grains and dense sand fall beside each other onto an incline."""
+    common = {"density": 1600.0, "bulk_modulus": 2e5, "shear_modulus": 1e5}
+    clay = {"model": "mohr_coulomb", "cohesion": 400.0, "friction_angle": 0.0, "tension_cutoff": 0.0,
+            "sensitivity": 5.0, "remoulding_shear": 0.2, "length": 0.02, "rate_coefficient": 0.1,
+            "reference_rate": 0.1}  # fmt: skip
+    grains = {"model": "granular_mu_i", "grain_density": 2600.0, "grain_diameter": 1e-3, "static_friction": 0.38,
+              "largest_friction": 0.64, "inertial_number": 0.28}  # fmt: skip
+    sand = {"model": "hypoplastic_sand", "density": 1600.0, "initial_void_ratio": 0.7, "hardness": 1e7,
+            "critical_friction_angle": 33.0, "exponent": 0.25, "densest_void_ratio": 0.55, "alpha": 0.25,
+            "critical_void_ratio": 0.95, "loosest_void_ratio": 1.05, "beta": 1.5}  # fmt: skip
+    laws = {"clay": clay | common, "grains": grains | common, "sand": sand}
+    return {
+        "dimension": 2, "spacing": 0.01, "gravity": [2.0, -9.81], "materials": laws,
+        "bodies": [{"name": name, "material": name, "velocity": [0.5, -0.5],
+                    "shape": {"type": "box", "lower": [0.08 * k, 0.0], "upper": [0.08 * (k + 1), 0.08]}}
+                   for k, name in enumerate(laws)],
+        "initial_stress": {"type": "geostatic", "K0": 0.6},
+        "contacts": [{"type": "plane", "point": [0, 0], "normal": [0.05, 1], "friction": 0.5}],
+        "stages": [{"name": "fall", "type": "dynamics", "duration": 0.05}],
+        "output": {"interval": 0.01},
+    }  # fmt: skip
+
+
 MOVING = [collapse, impact, two_soils]
 
 
@@ -140,6 +164,7 @@ def simulated(launch, by_folder, tmp_path_factory, scene_of):
     cases += [("sled", sled(), (1, 3)), ("few", few, (1, 5)), ("monitored", monitored, (1, 3))]
     cases += [("landslide", landslide(), (1, 3)), ("construction", construction(), (1, 3))]
     cases += [("varied", varied(), (1, 3))]
+    cases += [("three_laws", three_laws(), (1, 3))]
     parent, files, said = tmp_path_factory.mktemp("simulated"), {}, {}
     for ranks in (1, 2, 3, 4, 5):
         for name, scene, numbers in cases:
@@ -162,7 +187,7 @@ def attributes(path):
         return dict(file["Run"].attrs)
 
 
-@pytest.mark.parametrize("name", ["landslide", "construction", "varied"])
+@pytest.mark.parametrize("name", ["landslide", "construction", "varied", "three_laws"])
 def test_ground_and_strength_that_ranks_share_give_the_same_bits(simulated, datasets, assert_same_bits, name):
     files = simulated[0]
     one = datasets(files[1, name])

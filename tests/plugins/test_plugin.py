@@ -22,7 +22,7 @@ import numpy as np
 from periporo.materials import built_in_path, check_material, drive, registry
 
 found = {}
-laws = {name: registry.load(name).example() for name in ("mohr_coulomb", "mohr_coulomb_numba")}
+laws = {name: registry.load(name).example() for name in ("mohr_coulomb_numpy", "mohr_coulomb_numba")}
 for name, law in laws.items():
     found[name] = [check_material(law, dimension).cycle_energy for dimension in (2, 3)]
     result = drive(law, built_in_path("triaxial", "confining=2e4,strain=0.02,rows=5"))
@@ -85,7 +85,7 @@ def test_plugin_is_found_conforms_and_fails_where_it_should(installed, tmp_path)
     assert run.returncode == 0, run.stderr
     found = json.loads(run.stdout)
     strength = 3 * 2e4 + 2 * 1e3 * 3**0.5
-    for name in ("mohr_coulomb", "mohr_coulomb_numba"):
+    for name in ("mohr_coulomb_numpy", "mohr_coulomb_numba"):
         energy_2d, energy_3d, axial = found[name]
         assert energy_2d > 0 and energy_3d > 0
         assert axial == pytest.approx(strength, rel=1e-9)
@@ -95,8 +95,8 @@ def test_plugin_is_found_conforms_and_fails_where_it_should(installed, tmp_path)
 
 
 def test_unknown_name_lists_the_plugin(installed, tmp_path):
-    probe = "from periporo.materials import registry\nregistry.load('mohr_colomb')"
+    probe = "from periporo.materials import registry\nregistry.load('mohr_colomb_numba')"
     run = subprocess.run(
         [sys.executable, "-c", probe], env=installed, cwd=tmp_path, capture_output=True, text=True, timeout=60
     )
-    assert "Did you mean 'mohr_coulomb'?" in run.stderr
+    assert "Did you mean 'mohr_coulomb_numba'?" in run.stderr

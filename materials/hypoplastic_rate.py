@@ -1,0 +1,245 @@
+"""Rate equations of hypoplastic sand, and their integration with substeps whose error is controlled.
+
+s' = M : D with M from L, N and the intergranular strain d (von Wolffersdorff 1996; Niemunis & Herle 1997). Tension is
+positive; s^ = s/tr(s) and its deviator s* do not depend on that.
+"""
+
+import math
+
+import numpy as np
+
+from periporo.core.numerics.jit import inlined, kernel
+
+_NEAR = 0.02  # change of a base below which the series of its power is exact to 1e-11
+_SAFETY, _LEAST, _MOST = 0.9, 0.1, 4.0  # factors of the next substep
+_ROUNDING = 1e-12  # of a step
+
+STRESS, INTERGRANULAR, VOID = 0, 6, 12
+"""Places in the vector of unknowns: stress over 0, intergranular strain over R, void ratio."""
+
+
+@inlined
+def _power_near(ratio, exponent):
+    """ratio^exponent, by the binomial series if the ratio is near to 1."""
+    x = ratio - 1.0
+    if abs(x) > _NEAR:
+        return ratio**exponent
+    k = exponent
+    terms = 1.0 + (k - 4.0) / 5.0 * x * (1.0 + (k - 5.0) / 6.0 * x)
+    return 1.0 + k * x * (1.0 + (k - 1.0) / 2.0 * x * (1.0 + (k - 2.0) / 3.0 * x * (1.0 + (k - 3.0) / 4.0 * x * terms)))
+
+
+@inlined
+def _product(a, i, b, j):
+    """a : b of symmetric tensors that begin at i and j."""
+    normal = a[i] * b[j] + a[i + 1] * b[j + 1] + a[i + 2] * b[j + 2]
+    return normal + 2.0 * (a[i + 3] * b[j + 3] + a[i + 4] * b[j + 4] + a[i + 5] * b[j + 5])
+
+
+@inlined
+def density_factors(pressure, void, sand):
+    """x = (3p/h_s)^n, f_s and f_d of a pressure in Pa and a void ratio."""
+    hardness, n, dense, critical, loose, alpha, beta, a, constant = sand
+    x = (3.0 * pressure / hardness) ** n
+    fade = math.exp(-x)
+    stiffness = hardness / n * (loose * fade / void) ** beta * (1.0 + loose * fade) / (loose * fade)
+    stiffness *= 3.0 * pressure / hardness / x * constant
+    room = (void - dense * fade) / ((critical - dense) * fade)
+    return x, stiffness, room**alpha if room > 0.0 else 0.0
+
+
+@inlined
+def _factors_near(before, pressure, void, sand):
+    """f_s and f_d as `density_factors`, near to the place `before` (pressure, void ratio, x, f_s, f_d)."""
+    hardness, n, dense, critical, loose, alpha, beta, _, _ = sand
+    old_pressure, old_void, x, stiffness, looseness = before
+    new_x = x * _power_near(pressure / old_pressure, n)
+    fall = math.exp(x - new_x)
+    old_fade = math.exp(-x)
+    fade = old_fade * fall
+    stiffness *= _power_near(fall * old_void / void, beta) * (1.0 + loose * fade) / (fall * (1.0 + loose * old_fade))
+    stiffness *= pressure / old_pressure * x / new_x
+    old_room = (old_void - dense * old_fade) / ((critical - dense) * old_fade)
+    room = (void - dense * fade) / ((critical - dense) * fade)
+    if not (room > 0.0 and old_room > 0.0):
+        return stiffness, 0.0
+    return stiffness, looseness * _power_near(room / old_room, alpha)
+
+
+@inlined
+def shape_factors(y):
+    """tr(s^ : s^) and F of the stress at the beginning of `y`."""
+    trace = y[0] + y[1] + y[2]
+    square = _product(y, 0, y, 0) / (trace * trace)
+    dev = square - 1.0 / 3.0
+    if not dev > 1e-20:
+        return square, 1.0
+    a, b, c = y[0] / trace - 1.0 / 3.0, y[1] / trace - 1.0 / 3.0, y[2] / trace - 1.0 / 3.0
+    d, e, f = y[3] / trace, y[4] / trace, y[5] / trace
+    third = 3.0 * (a * (b * c - e * e) - d * (d * c - e * f) + f * (d * e - b * f))  # tr of the cube
+    cosine = -math.sqrt(6.0) * third / (dev * math.sqrt(dev))
+    cosine = min(max(cosine, -1.0), 1.0)
+    slope = math.sqrt(3.0 * dev)
+    inner = slope * slope / 8.0 + (2.0 - slope * slope) / (2.0 + math.sqrt(2.0) * slope * cosine)
+    return square, math.sqrt(max(inner, 0.0)) - slope / (2.0 * math.sqrt(2.0))
+
+
+@inlined
+def _rate(y, strain, stiffness, looseness, sand, small, rate):
+    """Fill the `rate` of the unknowns `y` under the strain (6,) of the step; the result's part that L : D is not needs
+    no more than two products.
+    """
+    a = sand[7]
+    radius, stiff, turned, fading, chi = small
+    trace = y[0] + y[1] + y[2]
+    square, shape = shape_factors(y)
+    scale = stiffness / square
+    size = math.sqrt(_product(y, INTERGRANULAR, y, INTERGRANULAR))  # rho, for d stands over R
+    along = _product(y, INTERGRANULAR, strain, 0) / size if size > 0.0 else 0.0
+    along_stress = _product(y, INTERGRANULAR, y, STRESS) / (size * trace) if size > 0.0 else 0.0
+    through = _product(strain, 0, y, STRESS) / trace
+    full = min(size, 1.0)
+    share = full**chi if full < 1.0 else 1.0
+    linear = share * turned + (1.0 - share) * stiff
+    more = share * (1.0 - turned) * along if along > 0.0 else share * (stiff - turned) * along
+    plastic = share * looseness * a * shape * along if along > 0.0 else 0.0
+    kept = (full**fading if full < 1.0 else 1.0) * along if along > 0.0 else 0.0
+    direct = linear * a * a * through + more * a * a * along_stress
+    for c in range(6):
+        unit = y[INTERGRANULAR + c] / size if size > 0.0 else 0.0
+        hat = y[c] / trace
+        star = hat - (1.0 / 3.0 if c < 3 else 0.0)
+        own = shape * shape * (linear * strain[c] + more * unit)
+        rate[c] = scale * (own + direct * hat + plastic * (hat + star))
+        rate[INTERGRANULAR + c] = (strain[c] - kept * unit) / radius
+    rate[VOID] = (1.0 + y[VOID]) * (strain[0] + strain[1] + strain[2])
+
+
+@inlined
+def _work_lost(y, change, strain, part, stiffness, stiff, a):
+    """Work per volume of the strain that unloading with the stiffness m_R L would not give back."""
+    square, shape = shape_factors(y)
+    scale, trace = stiff * stiffness / square * shape * shape, y[0] + y[1] + y[2]
+    through = _product(change, 0, y, 0) / trace * a * a / (shape * shape + a * a * square)
+    given = (_product(y, 0, change, 0) - through * square * trace) / scale
+    return part * _product(y, 0, strain, 0) - given
+
+
+@inlined
+def _advance_row(y, strain, sand, small, lowest, tolerance, most, work):
+    """Take the unknowns through the strain of a step; substeps done, 0 if too many, what opens, and the work lost.
+
+    Modified Euler's method, whose difference from Euler's is the error (Sloan 1987). Stress does not pass the pressure
+    `lowest`: what expands beyond opens.
+    """
+    first, second, trial = work[0], work[1], work[2]
+    stiff = small[1]
+    done, step, lost = 0.0, 1.0, 0.0
+    for count in range(1, most + 1):
+        pressure = -(y[0] + y[1] + y[2]) / 3.0
+        x, stiffness, looseness = density_factors(pressure, y[VOID], sand)
+        before = pressure, y[VOID], x, stiffness, looseness
+        _rate(y, strain, stiffness, looseness, sand, small, first)
+        for _ in range(40):
+            for c in range(VOID + 1):
+                trial[c] = y[c] + step * first[c]
+            pressure = -(trial[0] + trial[1] + trial[2]) / 3.0
+            error = math.inf
+            if pressure > 0.1 * lowest:
+                stiffness, looseness = _factors_near(before, pressure, trial[VOID], sand)
+                _rate(trial, strain, stiffness, looseness, sand, small, second)
+                square = largest = inner = 0.0
+                for c in range(6):
+                    weight = 1.0 if c < 3 else 2.0
+                    square += weight * (0.5 * step * (second[c] - first[c])) ** 2
+                    largest += weight * trial[c] ** 2
+                    inner += weight * (0.5 * step * (second[INTERGRANULAR + c] - first[INTERGRANULAR + c])) ** 2
+                error = math.sqrt(max(square / largest, 0.01 * inner)) / tolerance
+            if error <= 1.0 or math.isnan(error):
+                break
+            step *= max(_SAFETY / math.sqrt(error), _LEAST)
+            if step < _ROUNDING:
+                break
+        volumetric = strain[0] + strain[1] + strain[2]
+        apart = not error <= 1.0 and not math.isnan(error)  # steps cannot be short enough: the pressure vanishes
+        if not apart:
+            for c in range(VOID + 1):
+                second[c] = 0.5 * step * (first[c] + second[c])
+            lost += _work_lost(y, second, strain, step, before[3], stiff, sand[7])
+            for c in range(VOID + 1):
+                y[c] += second[c]
+            done += step
+        size = math.sqrt(_product(y, INTERGRANULAR, y, INTERGRANULAR))
+        if size > 1.0:
+            for c in range(6):
+                y[INTERGRANULAR + c] /= size
+        if apart or -(y[0] + y[1] + y[2]) / 3.0 < lowest:
+            for c in range(6):
+                y[c] = -lowest if c < 3 else 0.0
+            return count, max((1.0 - done) * volumetric, 0.0), lost
+        if done >= 1.0 - _ROUNDING or math.isnan(error):
+            return count, 0.0, lost
+        step = min(step * min(_SAFETY / math.sqrt(error), _MOST) if error > 0.0 else _MOST * step, 1.0 - done)
+    return 0, 0.0, lost
+
+
+@kernel
+def advance(sand, small, lowest, tolerance, most, stress, strain_increment, state, opened, dissipation, refused):
+    """Advance all rows of `HypoplasticSand.compute_stress`; `refused` (n,) tells which need too many substeps.
+
+    The state has the void ratio in column 0 and the intergranular strain behind it; `opened` and `dissipation` are
+    columns, the latter -1 if there is none. Rows without state, and rows that are open, stay as they are.
+    """
+    n = stress.shape[1]
+    y, strain, work = np.zeros(VOID + 1), np.zeros(6), np.zeros((3, VOID + 1))
+    for b in range(stress.shape[0]):
+        refused[b] = False
+        if dissipation >= 0:
+            state[b, dissipation] = 0.0
+        largest = 0.0
+        for c in range(n):
+            strain[c] = strain_increment[b, c]
+            largest = max(largest, abs(strain[c]))
+            y[c] = stress[b, c]
+            y[INTERGRANULAR + c] = state[b, 1 + c] / small[0]
+        y[VOID] = state[b, 0]
+        if largest == 0.0 or y[VOID] == 0.0:
+            continue
+        if state[b, opened] > 0.0 or -(y[0] + y[1] + y[2]) / 3.0 < lowest:
+            for c in range(n):
+                y[c] = stress[b, c] = -lowest if c < 3 else 0.0
+            if state[b, opened] > 0.0:
+                continue
+        count, gap, lost = _advance_row(y, strain, sand, small, lowest, tolerance, most, work)
+        if count == 0:
+            refused[b] = True
+            continue
+        for c in range(n):
+            stress[b, c] = y[c]
+            state[b, 1 + c] = y[INTERGRANULAR + c] * small[0]
+        state[b, 0] = y[VOID]
+        state[b, opened] += gap
+        if dissipation >= 0:
+            state[b, dissipation] = lost
+
+
+@kernel
+def fill_moduli(sand, small, lowest, stress, state, bulk, shear):
+    """Fill bulk and shear modulus (n,) Pa of small strains: those of m_R L, with what the stress ratio adds."""
+    n = stress.shape[1]
+    y = np.zeros(VOID + 1)
+    for b in range(stress.shape[0]):
+        for c in range(n):
+            y[c] = stress[b, c]
+        pressure = -(y[0] + y[1] + y[2]) / 3.0
+        if not pressure > lowest:
+            pressure = lowest
+            for c in range(n):
+                y[c] = -lowest if c < 3 else 0.0
+        void = state[b, 0] if state[b, 0] > 0.0 else sand[4]
+        _, stiffness, _ = density_factors(pressure, void, sand)
+        square, shape = shape_factors(y)
+        scale = small[1] * stiffness / square
+        a2 = sand[7] * sand[7]
+        bulk[b] = scale * (shape * shape + a2 / 3.0) / 3.0
+        shear[b] = 0.5 * scale * (shape * shape + a2 * (square - 1.0 / 3.0))

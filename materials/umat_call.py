@@ -1,0 +1,187 @@
+"""Calls of a user material with Abaqus' interface: its arguments in one buffer, and the compiled loop over rows."""
+
+import ctypes
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from periporo.core.numerics.jit import inlined, kernel
+
+_WIDTHS = {
+    "STRESS": 6, "DDSDDE": 36, "SSE": 1, "SPD": 1, "SCD": 1, "RPL": 1, "DDSDDT": 6, "DRPLDE": 6, "DRPLDT": 1,
+    "STRAN": 6, "DSTRAN": 6, "TIME": 2, "DTIME": 1, "TEMP": 1, "DTEMP": 1, "PREDEF": 1, "DPRED": 1, "COORDS": 3,
+    "DROT": 9, "PNEWDT": 1, "CELENT": 1, "DFGRD0": 9, "DFGRD1": 9,
+}  # fmt: skip
+START = {name: sum(list(_WIDTHS.values())[:k]) for k, name in enumerate(_WIDTHS)}
+"""Place of each real argument among the numbers; STATEV and PROPS follow at `STATEV`."""
+STATEV = sum(_WIDTHS.values())
+_INTEGERS = ("NDI", "NSHR", "NTENS", "NSTATV", "NPROPS", "NOEL", "NPT", "LAYER", "KSPT", "KSTEP", "KINC")
+_ORDER = (
+    "STRESS", "STATEV", "DDSDDE", "SSE", "SPD", "SCD", "RPL", "DDSDDT", "DRPLDE", "DRPLDT", "STRAN", "DSTRAN", "TIME",
+    "DTIME", "TEMP", "DTEMP", "PREDEF", "DPRED", "CMNAME", "NDI", "NSHR", "NTENS", "NSTATV", "PROPS", "NPROPS",
+    "COORDS", "DROT", "PNEWDT", "CELENT", "DFGRD0", "DFGRD1", "NOEL", "NPT", "LAYER", "KSPT", "KSTEP", "KINC",
+)  # fmt: skip
+NOT_GIVEN = ("TEMP", "DTEMP", "PREDEF", "DPRED", "COORDS", "DFGRD0", "DFGRD1")
+"""Arguments that the program does not know: they are NaN."""
+
+_STRESS, _DDSDDE, _SPD, _SCD = START["STRESS"], START["DDSDDE"], START["SPD"], START["SCD"]
+_STRAN, _DSTRAN, _TIME, _DTIME = START["STRAN"], START["DSTRAN"], START["TIME"], START["DTIME"]
+_PNEWDT, _CELENT = START["PNEWDT"], START["CELENT"]
+_NAME_LENGTH = 80  # of CMNAME, a hidden argument behind the others
+_SHORT = 1e-9  # s, the step in which DDSDDE is asked for: soil does not creep in it
+_MOST_PARTS = 64  # of a step that the law wants shorter
+
+
+class Arguments:
+    """Memory of one call's arguments: `numbers` (m,) float64, and `pointers` (37,) int64 to all in their order."""
+
+    def __init__(self, components: int, state_variables: int, props):
+        shear = components - 3
+        self.numbers = np.zeros(STATEV + max(state_variables, 1) + max(len(props), 1))
+        self.numbers[STATEV + max(state_variables, 1) :][: len(props)] = props
+        self.numbers[START["DROT"] : START["DROT"] + 9] = np.eye(3).ravel()
+        for name in NOT_GIVEN:
+            self.set(name, np.nan)
+        self._integers = np.zeros(len(_INTEGERS) + 3, np.int32)
+        self._integers[:5] = 3, shear, components, state_variables, len(props)
+        self._integers[5:] = 1  # element, point, layer, section; step, which is a list of four, and increment
+        self._name = np.frombuffer(b"PERIPORO".ljust(_NAME_LENGTH), np.uint8).copy()
+        base = self.numbers.ctypes.data
+        places = {name: base + 8 * start for name, start in START.items()}
+        places |= {"STATEV": base + 8 * STATEV, "PROPS": base + 8 * (STATEV + max(state_variables, 1))}
+        offsets = [*range(len(_INTEGERS) - 1), len(_INTEGERS) + 2]
+        places |= {n: self._integers.ctypes.data + 4 * k for n, k in zip(_INTEGERS, offsets, strict=True)}
+        places["CMNAME"] = self._name.ctypes.data
+        self.pointers = np.array([places[name] for name in _ORDER], np.int64)
+
+    def set(self, name: str, value) -> None:
+        """Give a real argument, all of its numbers, a value."""
+        self.numbers[START[name] : START[name] + _WIDTHS[name]] = value
+
+
+def initial_variables(address: int, count: int) -> np.ndarray:
+    """State variables (count,) at the start that the subroutine SDVINI at `address` gives."""
+    variables, places = np.zeros(count), np.full(3, np.nan)
+    whole = np.array([count, 3, 1, 1, 1, 1], np.int32)
+    of = ctypes.c_void_p
+    integers = [of(whole.ctypes.data + 4 * k) for k in range(6)]
+    ctypes.CFUNCTYPE(None, *[of] * 8)(address)(of(variables.ctypes.data), of(places.ctypes.data), *integers)
+    return variables
+
+
+@intrinsic
+def _call(typingctx, address, pointers):
+    """Call the subroutine at `address` with the addresses in `pointers` and the length of the name."""
+
+    def codegen(context, builder, signature, args):
+        array = context.make_array(signature.args[1])(context, builder, args[1])
+        byte, word = ir.IntType(8).as_pointer(), ir.IntType(64)
+        places = [builder.load(builder.gep(array.data, [ir.Constant(word, k)])) for k in range(len(_ORDER))]
+        kind = ir.FunctionType(ir.VoidType(), [byte] * len(_ORDER) + [word])
+        function = builder.inttoptr(args[0], kind.as_pointer())
+        builder.call(function, [builder.inttoptr(p, byte) for p in places] + [ir.Constant(word, _NAME_LENGTH)])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, pointers), codegen
+
+
+@kernel
+def advance(address, pointers, numbers, stress, strain_increment, state, variables, columns, dt, refused):
+    """Advance all rows by the law at `address`, whose `variables` stand first in the state.
+
+    `columns` are those of total strain, time, length and dissipation, -1 where the state lacks one. A step that the law
+    wants shorter (PNEWDT < 1) is divided; `refused` (n,) tells where that does not help.
+    """
+    n = stress.shape[1]
+    for b in range(stress.shape[0]):
+        refused[b] = False
+        parts, done = 1, False
+        while not done and parts <= _MOST_PARTS:
+            _load(numbers, stress, state, b, variables, columns)
+            lost, done = 0.0, True
+            for _ in range(parts):
+                _increase(numbers, strain_increment, b, n, dt, parts)
+                _call(address, pointers)
+                lost += numbers[_SPD] + numbers[_SCD]
+                if numbers[_PNEWDT] < 1.0:
+                    parts *= 2
+                    done = False
+                    break
+                for c in range(n):
+                    numbers[_STRAN + c] += numbers[_DSTRAN + c]
+                if dt < np.inf:
+                    numbers[_TIME] += dt / parts
+                    numbers[_TIME + 1] += dt / parts
+        if not done:
+            refused[b] = True
+            continue
+        _store(numbers, stress, state, b, variables, columns, lost)
+
+
+@inlined
+def _place(c):
+    """Place of a component in Abaqus' order, in which yz and xz are exchanged."""
+    return 9 - c if c > 3 else c
+
+
+@inlined
+def _load(numbers, stress, state, b, variables, columns):
+    strain, time, length, _ = columns
+    for c in range(stress.shape[1]):
+        numbers[_STRESS + _place(c)] = stress[b, c]
+        if strain >= 0:
+            numbers[_STRAN + _place(c)] = state[b, strain + c] * (1.0 if c < 3 else 2.0)
+    for v in range(variables):
+        numbers[STATEV + v] = state[b, v]
+    if time >= 0:
+        numbers[_TIME] = numbers[_TIME + 1] = state[b, time]
+    if length >= 0:
+        numbers[_CELENT] = state[b, length]
+
+
+@inlined
+def _increase(numbers, strain_increment, b, n, dt, parts):
+    for c in range(n):
+        numbers[_DSTRAN + _place(c)] = strain_increment[b, c] * (1.0 if c < 3 else 2.0) / parts
+    numbers[_DTIME] = dt / parts
+    numbers[_PNEWDT] = 1.0
+    numbers[_SPD] = numbers[_SCD] = 0.0
+
+
+@inlined
+def _store(numbers, stress, state, b, variables, columns, lost):
+    strain, time, _, dissipation = columns
+    for c in range(stress.shape[1]):
+        stress[b, c] = numbers[_STRESS + _place(c)]
+        if strain >= 0:
+            state[b, strain + c] = numbers[_STRAN + _place(c)] * (1.0 if c < 3 else 0.5)
+    for v in range(variables):
+        state[b, v] = numbers[STATEV + v]
+    if time >= 0:
+        state[b, time] = numbers[_TIME]
+    if dissipation >= 0:
+        state[b, dissipation] = lost
+
+
+@kernel
+def fill_moduli(address, pointers, numbers, stress, state, variables, columns, bulk, shear):
+    """Fill bulk and shear modulus (n,) Pa from DDSDDE where nothing is strained; the stiffest of the shears counts."""
+    n = stress.shape[1]
+    for b in range(stress.shape[0]):
+        _load(numbers, stress, state, b, variables, columns)
+        for c in range(n):
+            numbers[_DSTRAN + c] = 0.0
+        numbers[_DTIME], numbers[_PNEWDT] = _SHORT, 1.0
+        _call(address, pointers)
+        total = stiffest = 0.0
+        for i in range(3):
+            for j in range(3):
+                entry = numbers[_DDSDDE + n * j + i]
+                total += entry
+                if i == j:
+                    stiffest = max(stiffest, 0.5 * (entry - numbers[_DDSDDE + n * ((i + 1) % 3) + i]))
+        for i in range(3, n):
+            stiffest = max(stiffest, numbers[_DDSDDE + n * i + i])
+        bulk[b], shear[b] = total / 9.0, stiffest
