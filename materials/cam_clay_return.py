@@ -201,6 +201,17 @@ def advance(
     dissipation_column,
 ):  # fmt: skip
     """Advance all rows of `CamClay.compute_stress`; a column that the state lacks is -1."""
+    _advance_rows(
+        bulk, shear, slope, viscosity_rate, minimum, bonding_parameters, stress, strain_increment, state,
+        bonding_column, dissipation_column,
+    )  # fmt: skip
+
+
+@inlined
+def _advance_rows(
+    bulk, shear, slope, viscosity_rate, minimum, bonding_parameters, stress, strain_increment, state, bonding_column,
+    dissipation_column,
+):  # fmt: skip
     c = 6.0 * shear / slope**2
     overstress = 4.0 * viscosity_rate / c
     index = 1.0 / (bonding_parameters[3] - bonding_parameters[4])
@@ -246,7 +257,7 @@ def advance_each(numbers, dt, stress, strain_increment, state, bonding_column, d
     """`advance` of rows with `numbers` (n, 10) of their own: bulk, shear, slope, viscosity, minimum, of the bonding."""
     for b in range(stress.shape[0]):
         n, row = numbers[b], slice(b, b + 1)
-        advance(
+        _advance_rows(
             n[0], n[1], n[2], n[3] / dt, n[4], (n[5], n[6], n[7], n[8], n[9]), stress[row], strain_increment[row],
             state[row], bonding_column, dissipation_column,
         )  # fmt: skip

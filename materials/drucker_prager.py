@@ -255,6 +255,15 @@ def _fading_flow(excess, shear, stiffness, dilation, end, dilated):
 def _advance(
     bulk, shear, eta, strength, dilation, end, limit, edge, stress, strain_increment, state, reports, column
 ):  # fmt: skip
+    _return_rows(
+        bulk, shear, eta, strength, dilation, end, limit, edge, stress, strain_increment, state, reports, column
+    )  # fmt: skip
+
+
+@inlined
+def _return_rows(
+    bulk, shear, eta, strength, dilation, end, limit, edge, stress, strain_increment, state, reports, column
+):  # fmt: skip
     """Hooke's law and return; `limit` is the largest mean stress, `edge` sqrt(J2) of the cone there.
 
     Dilation fades up to the plastic volumetric strain `end` in the state column `column`, never if that is -1.
@@ -299,10 +308,10 @@ def _advance(
 
 @kernel
 def _advance_each(numbers, stress, strain_increment, state, reports, column):
-    """`_advance` of rows with `numbers` (n, 8) of their own."""
+    """`_advance` where rows have `numbers` (n, 8) of their own."""
     for b in range(stress.shape[0]):
         n, row = numbers[b], slice(b, b + 1)
-        _advance(
+        _return_rows(
             n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], stress[row], strain_increment[row], state[row], reports,
             column,
         )  # fmt: skip

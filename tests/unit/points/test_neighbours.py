@@ -12,6 +12,7 @@ from periporo.core.points.neighbours import Pairs
 def points(position, *, ids=None, owned=None, group=None):
     n, d = position.shape
     return SimpleNamespace(
+        fields={},
         id=np.arange(n) if ids is None else ids, position=position, total=n, dim=DIMENSION[d],
         owned=n if owned is None else owned, group=np.zeros(n, np.int64) if group is None else group,
     )  # fmt: skip
