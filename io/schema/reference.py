@@ -6,6 +6,7 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
+from periporo.io.schema.fields import field_schema
 from periporo.io.schema.parameters import REQUIRED, Parameter, first_sentence, law_schema, parameters_of
 from periporo.io.schema.scene import scene_json_schema
 from periporo.materials import registry
@@ -29,13 +30,16 @@ _PAGES = {
 }
 
 
+_FIELD = "periporo:field"
+
+
 def editor_schema() -> dict[str, Any]:
     """JSON Schema (2020-12) of a scene with the parameters of every installed law; units stand in the descriptions."""
     schema = scene_json_schema()
     laws = {f"law {name}": _entry_of_law(name) for name in sorted(registry.available())}
     definitions = schema["$defs"]
     definitions.pop("MaterialInput")
-    definitions |= laws
+    definitions |= laws | {"field": field_schema() | {"$id": _FIELD}}
     names = schema["properties"]["materials"]["patternProperties"]
     for pattern in names:
         names[pattern] = {"oneOf": [{"$ref": f"#/$defs/{law.replace(' ', '%20')}"} for law in laws]}
@@ -49,6 +53,10 @@ def _entry_of_law(name: str) -> dict[str, Any]:
     model = {"const": name, "description": first_sentence(law.get("description", ""))}
     law["properties"] = {"model": model} | law["properties"]
     law["required"] = ["model", *law.get("required", ())]
+    for key, entry in law["properties"].items():
+        if entry.get("type") == "number":
+            shown = {word: entry.pop(word) for word in ("description", "unit", "title", "default") if word in entry}
+            law["properties"][key] = {"anyOf": [entry, {"$ref": _FIELD}]} | shown
     if "$defs" in law:
         law["$id"] = f"periporo:law:{name}"  # makes its references its own
     return law
