@@ -30,8 +30,14 @@ class CamClay(MaterialParameters):
 
     grain_density: float = Field(gt=0, description="density of the grains", json_schema_extra=_DENSITY)
     porosity: float = Field(ge=0, lt=1, description="initial porosity", json_schema_extra=_NUMBER)
-    bulk_modulus: float = Field(gt=0, description="bulk modulus K", json_schema_extra=_PRESSURE)
-    shear_modulus: float = Field(gt=0, description="shear modulus mu", json_schema_extra=_PRESSURE)
+    bulk_modulus: float | None = Field(None, gt=0, description="constant bulk modulus K", json_schema_extra=_PRESSURE)
+    shear_modulus: float | None = Field(
+        None, gt=0, description="constant shear modulus mu", json_schema_extra=_PRESSURE
+    )
+    poisson_ratio: float | None = Field(
+        None, gt=-1, lt=0.5, description="in place of the moduli: K is the pressure over swelling_index",
+        json_schema_extra=_NUMBER,
+    )  # fmt: skip
     critical_state_slope: float = Field(
         gt=0, description="M, the ratio q/|p| at the critical state", json_schema_extra=_NUMBER
     )
@@ -47,6 +53,10 @@ class CamClay(MaterialParameters):
     overconsolidation_ratio: float = Field(
         1.0, ge=1, description="|p_c| over that of the initial stress at yield", json_schema_extra=_NUMBER
     )
+    preoverburden: float = Field(
+        0.0, ge=0, description="pressure once borne and gone, added to |p_c|: overconsolidation fades with depth",
+        json_schema_extra=_PRESSURE,
+    )  # fmt: skip
     preconsolidation: float | None = Field(
         None, gt=0, description="initial |p_c|, in place of the ratio", json_schema_extra=_PRESSURE
     )
@@ -73,6 +83,16 @@ class CamClay(MaterialParameters):
                 f"compression_index ({self.compression_index:g}) must exceed swelling_index "
                 f"({self.swelling_index:g}): their difference is the plastic compressibility"
             )
+        constant = self.bulk_modulus is not None, self.shear_modulus is not None
+        if constant[0] != constant[1] or constant[0] == (self.poisson_ratio is not None):
+            raise ValueError(
+                "give bulk_modulus and shear_modulus, which are constant, or poisson_ratio alone, with which K is the "
+                "pressure over swelling_index"
+            )
+        if self.poisson_ratio is not None and self.swelling_index == 0:
+            raise ValueError("swelling_index is 0, but the bulk modulus is to be the pressure over it")
+        if self.preoverburden > 0 and self.preconsolidation is not None:
+            raise ValueError("give preoverburden, which adds to the initial stress, or preconsolidation, not both")
         return self
 
     @classmethod
@@ -113,7 +133,7 @@ class CamClay(MaterialParameters):
         """State (n, k) of rows at `stress` (n, 4|6) Pa.
 
         The overconsolidation ratio multiplies the p_c of the ellipse through the stress, p + q^2/(M^2 p), so
-        that a ratio of 1 is at yield for every stress ratio. Tension starts at the floor.
+        that a ratio of 1 is at yield for every stress ratio; `preoverburden` is added. Tension starts at the floor.
         """
         state = np.zeros((len(stress), len(self.state_fields)))
         if self.preconsolidation is not None:
@@ -122,7 +142,7 @@ class CamClay(MaterialParameters):
             p, q = mean(stress), equivalent_shear(stress)
             pressure = np.where(p < 0, -p, np.inf)
             through_stress = np.where(p < 0, -p, 0.0) + (q / self.critical_state_slope) ** 2 / pressure
-            size = self.overconsolidation_ratio * through_stress
+            size = self.overconsolidation_ratio * through_stress + self.preoverburden
         state[:, 0] = -np.maximum(size, self.minimum_preconsolidation)
         if self.unsaturated:
             state[:, 1] = self.initial_bonding
@@ -135,9 +155,10 @@ class CamClay(MaterialParameters):
         """
         if not dt > 0:
             raise ValueError(f"the time step must be positive (infinite: rate-independent limit), not {dt}")
+        bulk, shear = self.bulk_modulus or 1.0, self.shear_modulus or 1.0
         advance(
-            self.bulk_modulus,
-            self.shear_modulus,
+            bulk,
+            shear,
             self.critical_state_slope,
             self.viscosity / dt,
             self.minimum_preconsolidation,
@@ -147,12 +168,20 @@ class CamClay(MaterialParameters):
             state,
             1 if self.unsaturated else -1,
             1 + self.unsaturated if self.report_dissipation else -1,
+            self._elasticity(dt),
         )
 
     @classmethod
     def of_rows(cls, laws, components):
-        """What answers for rows of which each has one of the `laws`."""
-        return _CamClayRows(laws)
+        """What answers for rows of which each has one of the `laws`; None where K follows the pressure."""
+        return None if laws[0].poisson_ratio is not None else _CamClayRows(laws)
+
+    def _elasticity(self, dt: float = math.inf) -> tuple[float, ...]:
+        """kappa, G/K, 6 G/(K M^2), 4 eta/dt where K follows the pressure; nothing where the moduli are constant."""
+        if self.poisson_ratio is None:
+            return ()
+        ratio = 1.5 * (1.0 - 2.0 * self.poisson_ratio) / (1.0 + self.poisson_ratio)
+        return self.swelling_index, ratio, 6.0 * ratio / self.critical_state_slope**2, 4.0 * self.viscosity / dt
 
     def _bonding_parameters(self) -> tuple[float, ...]:
         return (
@@ -168,8 +197,12 @@ class CamClay(MaterialParameters):
         return np.full(len(stress), -self.minimum_preconsolidation)
 
     def elastic_moduli(self, stress, state):
-        """Constant moduli, two (n,) arrays in Pa."""
+        """Constant moduli, or those of the present pressure, two (n,) arrays in Pa."""
         n = len(stress)
+        if self.poisson_ratio is not None:
+            swelling, ratio, _, _ = self._elasticity()
+            bulk = np.maximum(-mean(stress), self.minimum_preconsolidation) / swelling
+            return bulk, ratio * bulk
         return np.full(n, self.bulk_modulus), np.full(n, self.shear_modulus)
 
     def friction_angles(self, dimension: int) -> FrictionAngles:

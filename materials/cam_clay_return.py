@@ -127,13 +127,26 @@ def _return_to_yield(p_trial, a2, size_start, floor, bulk, c, stiffening, overst
 
 
 @inlined
-def _return_tile(tile, bulk, c, overstress):
+def _secant_bulk(elasticity, minimum, b, stress, strain_increment):
+    """Bulk modulus of row b by which the strain of the step takes the pressure P to P exp(-strain/kappa)."""
+    p = (stress[b, 0] + stress[b, 1] + stress[b, 2]) / 3.0
+    pressure = minimum if -p < minimum else -p
+    exponent = (strain_increment[b, 0] + strain_increment[b, 1] + strain_increment[b, 2]) / elasticity[0]
+    return pressure / elasticity[0] * (-math.expm1(-exponent) / exponent if abs(exponent) > 1e-8 else 1.0)
+
+
+@inlined
+def _return_tile(tile, bulk, c, overstress, elasticity):
     """`_return_to_yield` of all lanes at once: from p_trial, a^2, P_n, stiffening to x, w, P, and 1 where it is done.
 
     A fixed number of Newton steps without a branch. A lane that has not arrived by then, leaves the ellipse or needs
     more than the series of the exponential gives up.
     """
     for k in range(LANES):
+        if len(elasticity) > 0:
+            bulk = tile[9 * LANES + k]
+            c = bulk * elasticity[2]
+            overstress = elasticity[3] / c
         p_trial, a2, size_start, stiffening = la.from_lane(tile, 0, k, (0.0, 0.0, 0.0, 0.0))
         x, w, size = 0.0, 1.0, size_start
         found = 1.0
@@ -198,27 +211,35 @@ def _bonded(unbonded, minimum, index, state, b, column, bonding_parameters):
 @kernel
 def advance(
     bulk, shear, slope, viscosity_rate, minimum, bonding_parameters, stress, strain_increment, state, bonding_column,
-    dissipation_column,
+    dissipation_column, elasticity,
 ):  # fmt: skip
-    """Advance all rows of `CamClay.compute_stress`; a column that the state lacks is -1."""
+    """Advance all rows of `CamClay.compute_stress`; a column that the state lacks is -1.
+
+    `elasticity` is empty where the moduli are constant; else kappa, G/K, 6 G/(K M^2) and 4 eta/dt: K follows
+    the pressure.
+    """
     _advance_rows(
         bulk, shear, slope, viscosity_rate, minimum, bonding_parameters, stress, strain_increment, state,
-        bonding_column, dissipation_column,
+        bonding_column, dissipation_column, elasticity,
     )  # fmt: skip
 
 
 @inlined
 def _advance_rows(
     bulk, shear, slope, viscosity_rate, minimum, bonding_parameters, stress, strain_increment, state, bonding_column,
-    dissipation_column,
+    dissipation_column, elasticity,
 ):  # fmt: skip
     c = 6.0 * shear / slope**2
     overstress = 4.0 * viscosity_rate / c
     index = 1.0 / (bonding_parameters[3] - bonding_parameters[4])
-    tile, rows, used = np.ones(9 * LANES), np.zeros(LANES, np.int64), 0
+    tile, rows, used = np.ones(10 * LANES), np.zeros(LANES, np.int64), 0
     for b in range(stress.shape[0]):
         if dissipation_column >= 0:
             state[b, dissipation_column] = 0.0
+        if len(elasticity) > 0:
+            bulk = _secant_bulk(elasticity, minimum, b, stress, strain_increment)
+            shear = bulk * elasticity[1]
+            tile[9 * LANES + used] = bulk
         p_trial, q_squared = _add_elastic(bulk, shear, b, stress, strain_increment)
         unbonded = minimum if -state[b, 0] < minimum else -state[b, 0]  # keeps NaN, unlike max
         size, floor, stiffening = _bonded(unbonded, minimum, index, state, b, bonding_column, bonding_parameters)
@@ -229,9 +250,14 @@ def _advance_rows(
             used += 1
         if used < LANES and (b < stress.shape[0] - 1 or used == 0):
             continue
-        _return_tile(tile, bulk, c, overstress)
+        _return_tile(tile, bulk, c, overstress, elasticity)
         for k in range(used):
             b_k = rows[k]
+            if len(elasticity) > 0:
+                bulk = tile[9 * LANES + k]
+                shear = bulk * elasticity[1]
+                c = bulk * elasticity[2]
+                overstress = elasticity[3] / c
             p_trial, a2, size, stiffening = la.from_lane(tile, 0, k, (0.0, 0.0, 0.0, 0.0))
             x, w, new_size, found = la.from_lane(tile, 4, k, (0.0, 0.0, 0.0, 0.0))
             (floor,) = la.from_lane(tile, 8, k, (0.0,))
@@ -259,5 +285,5 @@ def advance_each(numbers, dt, stress, strain_increment, state, bonding_column, d
         n, row = numbers[b], slice(b, b + 1)
         _advance_rows(
             n[0], n[1], n[2], n[3] / dt, n[4], (n[5], n[6], n[7], n[8], n[9]), stress[row], strain_increment[row],
-            state[row], bonding_column, dissipation_column,
+            state[row], bonding_column, dissipation_column, (),
         )  # fmt: skip

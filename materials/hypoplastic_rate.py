@@ -86,9 +86,7 @@ def shape_factors(y):
 
 @inlined
 def _rate(y, strain, stiffness, looseness, sand, small, rate):
-    """Fill the `rate` of the unknowns `y` under the strain (6,) of the step; the result's part that L : D is not needs
-    no more than two products.
-    """
+    """Fill the `rate` of the unknowns `y` under the strain (6,) of the step."""
     a = sand[7]
     radius, stiff, turned, fading, chi = small
     trace = y[0] + y[1] + y[2]
@@ -139,6 +137,7 @@ def _advance_row(y, strain, sand, small, lowest, tolerance, most, work):
         pressure = -(y[0] + y[1] + y[2]) / 3.0
         x, stiffness, looseness = density_factors(pressure, y[VOID], sand)
         before = pressure, y[VOID], x, stiffness, looseness
+        error = math.inf
         _rate(y, strain, stiffness, looseness, sand, small, first)
         for _ in range(40):
             for c in range(VOID + 1):
@@ -196,14 +195,15 @@ def advance(sand, small, lowest, tolerance, most, stress, strain_increment, stat
         refused[b] = False
         if dissipation >= 0:
             state[b, dissipation] = 0.0
-        largest = 0.0
+        moves = False
+        y[:] = 0.0
         for c in range(n):
             strain[c] = strain_increment[b, c]
-            largest = max(largest, abs(strain[c]))
+            moves |= strain[c] != 0.0
             y[c] = stress[b, c]
             y[INTERGRANULAR + c] = state[b, 1 + c] / small[0]
         y[VOID] = state[b, 0]
-        if largest == 0.0 or y[VOID] == 0.0:
+        if not moves or y[VOID] == 0.0:
             continue
         if state[b, opened] > 0.0 or -(y[0] + y[1] + y[2]) / 3.0 < lowest:
             for c in range(n):

@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from periporo.core.numerics.tensors import equivalent_shear, mean
+from periporo.materials import check_material
 from periporo.materials.cam_clay import CamClay, bonding_exponents
 
 K, MU, M, PLASTIC_INDEX = 25e6, 15e6, 1.1, 0.08
@@ -365,3 +366,63 @@ def test_moduli_and_density():
     bulk, shear = soil().elastic_moduli(np.zeros((3, 4)), np.zeros((3, 1)))
     assert bulk.tolist() == [K] * 3 and shear.tolist() == [MU] * 3
     assert soil().density == pytest.approx(1760.0)
+
+
+def swelling(**changes):
+    """Soil whose bulk modulus is the pressure over kappa."""
+    return soil(**({"bulk_modulus": None, "shear_modulus": None, "poisson_ratio": 0.25} | changes))
+
+
+@pytest.mark.parametrize("columns", [4, 6])
+@pytest.mark.parametrize("steps", [1, 40])
+def test_swelling_follows_the_line_of_kappa_and_virgin_compression_that_of_lambda(columns, steps):
+    """p = p0 exp(-e_v/kappa) however long the steps; beyond p_c, p = p_c exp(-(e_v - e_c)/lambda), first order."""
+    material = swelling(overconsolidation_ratio=4.0)
+    stress = isotropic(-1e4, columns)
+    state = material.initial_state(stress, IDS, VOLUME)
+    increment = np.zeros((1, columns))
+    increment[0, :3] = 0.02 / 3 / steps
+    follow(material, stress, state, increment, steps)
+    assert -mean(stress)[0] == pytest.approx(1e4 * np.exp(-0.5), rel=1e-12)
+    follow(material, stress, state, -increment, steps)
+    assert -mean(stress)[0] == pytest.approx(1e4, rel=1e-12)
+    yielding = 0.04 * np.log(4.0)
+    increment[0, :3] = -(yielding + 0.06) / 3 / 1000
+    follow(material, stress, state, increment, 1000)
+    assert -mean(stress)[0] == pytest.approx(4e4 * np.exp(0.06 / 0.12), rel=2e-3)
+    bulk, shear = material.elastic_moduli(stress, state)
+    assert bulk[0] == pytest.approx(-mean(stress)[0] / 0.04) and shear[0] == pytest.approx(0.6 * bulk[0], rel=1e-12)
+
+
+def test_undrained_shear_with_kappa_ends_at_the_critical_state():
+    """At constant volume ln(p_c/p) falls from ln(OCR) to ln 2 along kappa and lambda - kappa: closed form of p."""
+    material = swelling(overconsolidation_ratio=1.5)
+    stress = isotropic(-1e5)
+    state = material.initial_state(stress, IDS, VOLUME)
+    follow(material, stress, state, triaxial_increment(0.0, 0.3 / 3000), 3000)
+    part = 1 - 0.04 / 0.12
+    assert -mean(stress)[0] == pytest.approx(1e5 * (1.5 / 2) ** part, rel=2e-3)
+    assert equivalent_shear(stress)[0] == pytest.approx(M * -mean(stress)[0], rel=1e-4)
+
+
+def test_overconsolidation_that_fades_with_depth():
+    stress = np.concatenate([isotropic(-1e4), isotropic(-1e5)])
+    state = soil(preoverburden=2e4).initial_state(stress, np.zeros((2, 2), int), np.ones(2))
+    np.testing.assert_allclose(-state[:, 0], [3e4, 1.2e5], rtol=1e-12)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("viscosity", [0.0, 1e8])
+def test_swelling_soil_conforms(dimension, viscosity):
+    law = swelling(viscosity=viscosity, overconsolidation_ratio=1.5, report_dissipation=True)
+    assert np.isfinite(check_material(law, dimension).cycle_energy)
+
+
+@pytest.mark.parametrize("change, message", [
+    ({"bulk_modulus": None}, "or poisson_ratio alone"), ({"poisson_ratio": 0.3}, "or poisson_ratio alone"),
+    ({"bulk_modulus": None, "shear_modulus": None, "poisson_ratio": 0.3, "swelling_index": 0.0}, "is 0"),
+    ({"preoverburden": 1e3, "preconsolidation": 1e4}, "not both"),
+])  # fmt: skip
+def test_elasticity_is_of_one_kind(change, message):
+    with pytest.raises(ValidationError, match=message):
+        soil(**change)
