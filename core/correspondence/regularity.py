@@ -8,7 +8,7 @@ to the *activity* a of the points, a running mean of the part of the trial stres
 - **Rearrangement.** Two points closer than their size, (V J)^(1/d), move apart along their line while they shear,
   without velocity, strain or stress, by equal and opposite ways (the shifting of Xu,
   Stansby & Laurence 2009 and Lind et al. 2012 for SPH, here in proportion to the shear strain, so that soil at rest
-  stays). The work of gravity and contact on these ways is booked.
+  stays). Obstacles are mirrors. The work of gravity and contact on these ways is booked.
 - **Exchange** of stress and of opened volume between neighbours of one material, which takes their differences away
   (diffusion of pressure, Molteni & Colagrossi 2009; of stress, Feng et al. 2021). Sums over the points are kept, an
   average of admissible stresses is admissible, and elastic energy only falls. Only laws that say `exchanges_stress`
@@ -27,13 +27,13 @@ from periporo.core.numerics.jit import inlined, kernel
 from periporo.core.points.forces import FLOW_WORK
 from periporo.core.points.particles import Field
 
-EXCHANGE = 1.35  # part of a difference that the exchange takes away, per Courant number
+EXCHANGE = 2.5  # part of a difference that the exchange takes away, per Courant number
 MOST_EXCHANGED = 0.9  # of a difference, in one step
 SHEAR_SHARE = 0.3  # of the exchange for the deviator
 VISCOSITY = 0.2  # of rho c l
 MEMORY = 0.075  # of the activity, per Courant number
 SENSITIVITY = 0.1  # part of the trial stress that a law takes away in a step, over what it keeps, for a half
-NEAREST = 1.0  # size of points, over the side of a cube of their volume, below which they move apart
+NEAREST = 1.02  # size of points, over the side of a cube of their volume, below which they move apart
 REARRANGED = 6.0  # part of the overlap that a shear strain of 1 takes away
 MOST_REARRANGED = 0.01  # of an overlap, in one step
 
@@ -106,12 +106,9 @@ def rearrange(p, motions, contacts, dt: float) -> None:
     for contact in contacts:
         if hasattr(contact, "guide"):
             contact.guide(p, 0.5 * NEAREST * flow[:, SIZE], part, way, lift)
-    forces = tuple(getattr(p, f"{name}_force") for name in ("external", "contact") if f"{name}_force" in p.fields)
-    if "contact_force" in p.fields:
-        _stay_out(n, p.contact_force, way, p.dim)
-    _rearrange(n, way, p.position, p.exchanged_strain, p.dilation, forces, p.flow_work, p.dim)
-    external = (p.external_force,) if "external_force" in p.fields else ()
-    _rearrange(n, lift, p.position, np.zeros(n), p.dilation, external, p.flow_work, p.dim)
+    names, nothing = ("external_force", "contact_force"), np.empty((0, p.dimension))
+    external, contact = (getattr(p, name) if name in p.fields else nothing for name in names)
+    _rearrange(n, way, lift, p.position, p.exchanged_strain, p.dilation, external, contact, p.flow_work, p.dim)
 
 
 @kernel
@@ -159,6 +156,7 @@ def _shear_rate(g):
 def _exchange(
     first, second, weight, dt, position, material, link, flow, flow_stress, stress, mean, rearrangement, dim
 ):
+    components = len(la.zero_symmetric(dim))
     for b in range(first.shape[0]):
         i, j = first[b], second[b]
         w = weight[b]
@@ -174,7 +172,7 @@ def _exchange(
             change = k * (min(p_j, max(-p_i, 0.0)) - min(p_i, max(-p_j, 0.0)))
             mean[i] += change
             mean[j] -= change
-            for e in range(flow_stress.shape[1]):
+            for e in range(components):
                 change = k * (flow_stress[j, e] - flow_stress[i, e])
                 stress[i, e] += change
                 stress[j, e] -= change
@@ -223,24 +221,25 @@ def _shear_energy(stress, r, mean, shear):
 
 
 @kernel
-def _stay_out(owned, contact, way, dim):
-    """Take from the ways of points what leads against the contact force: into what they touch."""
-    for i in range(owned):
-        square = along = 0.0
-        for a in range(len(dim)):
-            square += contact[i, a] ** 2
-            along += contact[i, a] * way[i, a]
-        if along < 0.0:
-            for a in range(len(dim)):
-                way[i, a] -= along / square * contact[i, a]
+def _rearrange(owned, way, lift, position, strain, dilation, external, contact, work, dim):
+    """Move points by `way`, less what leads against the contact force, into what they touch, and by `lift`.
 
-
-@kernel
-def _rearrange(owned, way, position, strain, dilation, forces, work, dim):
+    Contact forces do no work on a lift: their faces stay.
+    """
     for i in range(owned):
         dilation[i] *= 1.0 + strain[i]
+        square = along = 0.0
+        if contact.shape[0] > 0:
+            for a in range(len(dim)):
+                square += contact[i, a] ** 2
+                along += contact[i, a] * way[i, a]
         for a in range(len(dim)):
-            if way[i, a] != 0.0:
-                position[i, a] += way[i, a]
-                for force in forces:
-                    work[i, _REARRANGED] += force[i, a] * way[i, a]
+            if along < 0.0:
+                way[i, a] -= along / square * contact[i, a]
+            step = way[i, a] + lift[i, a]
+            if step != 0.0:
+                position[i, a] += step
+                if external.shape[0] > 0:
+                    work[i, _REARRANGED] += external[i, a] * step
+                if along > 0.0:
+                    work[i, _REARRANGED] += contact[i, a] * way[i, a]

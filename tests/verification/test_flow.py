@@ -12,7 +12,7 @@ def test_a_layer_of_sand_slides_down_a_rough_slope_as_its_friction_lets_it():
 
 def test_a_dam_of_soil_without_friction_follows_ritter_and_keeps_its_area():
     figures = flow_truths.dam(10, heights=2.0)
-    assert figures["area"] == pytest.approx(1.0, abs=0.02)
+    assert figures["area"] == pytest.approx(1.0, abs=0.03)
     assert abs(figures["0.4 H"]) < 0.1 and abs(figures["0.2 H"]) < 0.15
 
 
