@@ -166,8 +166,8 @@ def _exchange(
         c = w * (link[i, 2] * link[j, 3] + link[j, 2] * link[i, 3])
         if c == 0.0:
             continue
-        if material[i] == material[j]:
-            k = 0.5 * a * c * min(flow[i, PART], flow[j, PART])
+        k = 0.5 * a * c * min(flow[i, PART], flow[j, PART])
+        if material[i] == material[j] and k != 0.0:  # most laws exchange nothing
             p_i, p_j = flow[i, SIGNED], flow[j, SIGNED]
             change = k * (min(p_j, max(-p_i, 0.0)) - min(p_i, max(-p_j, 0.0)))
             mean[i] += change

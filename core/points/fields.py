@@ -113,10 +113,20 @@ def values(sim, names) -> dict[str, np.ndarray]:
         if name in plain:
             result[name] = plain[name][1](p, n)
         elif name in stored or name.endswith("_force"):
-            result[name] = getattr(p, name)[:n]
+            result[name] = _internal(sim) if name == "internal_force" else getattr(p, name)[:n]
         else:
             result[name] = _averaged(sim, name)
     return result
+
+
+def _internal(sim):
+    """Internal force (owned, d) N; on points that sleep it is what holds them, since not all of it is known."""
+    p, n = sim.particles, sim.particles.owned
+    if p.awake == n:
+        return p.internal_force[:n]
+    force = p.internal_force[:n].copy()
+    force[p.awake :] -= sim.forces.total()[p.awake :]
+    return force
 
 
 def _averaged(sim, name):
