@@ -11,7 +11,7 @@ from periporo.errors import Path, Problem, choice
 from periporo.io.geometry.checks import geometry_problems
 from periporo.io.schema.base import AccelerationComponents, MotionComponents, Region, SceneModel
 from periporo.io.schema.bodies import Body, Polygon, Raster, StressComponents
-from periporo.io.schema.contacts import Absorb, Boundary, Traction, WaterAtFaces
+from periporo.io.schema.contacts import Absorb, Boundary, Tie, Traction, WaterAtFaces
 from periporo.io.schema.errors import model_problems
 from periporo.io.schema.obstacles import Free, Rotation, TerrainContact
 from periporo.io.schema.scene import POINT_SCHEMES, SceneInput
@@ -110,6 +110,8 @@ def _out_of_plane(path: Path, part: SceneModel) -> Iterator[Problem]:
     message = "there is no z direction in 2 dimensions"
     if isinstance(part, Boundary) and part.fix and "z" in part.fix:
         yield Problem((*path, "fix"), message)
+    if isinstance(part, Tie) and "z" in part.components:
+        yield Problem((*path, "components"), message)
     if isinstance(part, Rotation) and part.axis is not None:
         yield Problem((*path, "axis"), "in 2 dimensions all turns from x to y; leave out the axis")
     if isinstance(part, Free) and "z" in part.hold:
@@ -178,6 +180,8 @@ def _references(scene: SceneInput, bodies: list[str], stages: list[str]) -> Iter
     for name, boundary in scene.boundaries.items():
         if boundary.where.body is not None:
             yield ("boundaries", name, "where", "body"), boundary.where.body, "body", bodies
+        if boundary.tie is not None and boundary.tie.to.body is not None:
+            yield ("boundaries", name, "tie", "to", "body"), boundary.tie.to.body, "body", bodies
     for k, stage in enumerate(scene.stages):
         for n, name in enumerate(stage.boundaries):
             yield ("stages", k, "boundaries", n), name, "boundary condition", scene.boundaries
@@ -249,8 +253,10 @@ def _record_problems(scene: SceneInput) -> Iterator[Problem]:
                     yield Problem((*path, axis), message)
     for k, stage in enumerate(scene.stages):
         for n, name in enumerate(stage.boundaries if stage.type == "relax" else ()):
-            if name in scene.boundaries and scene.boundaries[name].absorb is not None:
-                message = "absorbs waves, and has no hold in a relax stage; fix its points there"
+            boundary = scene.boundaries.get(name)
+            if boundary is not None and (boundary.absorb is not None or boundary.tie is not None):
+                what = "absorbs waves" if boundary.tie is None else "ties points"
+                message = f"{what}, and has no hold in a relax stage; fix its points there"
                 yield Problem(("stages", k, "boundaries", n), message)
 
 
