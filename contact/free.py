@@ -29,17 +29,17 @@ class Free:
     ):  # fmt: skip
         self.centre, self.mass, self.inertia, self.radius = np.asarray(centre, float), mass, inertia, radius
         d = len(self.centre)
-        self.velocity = np.zeros(d) if velocity is None else np.asarray(velocity, float)  # m/s
-        self.momentum = np.zeros(len(inertia))  # angular, N m s
+        self._first = np.zeros(d) if velocity is None else np.asarray(velocity, float)
         self._gravity, self._force, self._turns = np.asarray(gravity, float), dict(force or {}), _HELD_TURN not in held
         self._free = np.array([axis not in held for axis in range(d)])
         self._load, self._torque = np.zeros(d), np.zeros(len(inertia))
-        self._pose = Pose(np.zeros(d), self.centre, np.eye(d) if self._turns else None)
-        self._time = 0.0
+        self.appear(0.0)
 
     def appear(self, time: float) -> None:
         """See `Motion.appear`."""
-        self._time = time
+        d = len(self.centre)
+        self._time, self._pose = time, Pose(np.zeros(d), self.centre, np.eye(d) if self._turns else None)
+        self.velocity, self.momentum = self._first, np.zeros(len(self.inertia))  # m/s; angular, N m s
 
     def advance(self, time: float, dt: float) -> Pose:
         """See `Motion.advance`."""

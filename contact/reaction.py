@@ -18,13 +18,15 @@ from periporo.core.points.particles import Particles
 class Feelers:
     """Where a free obstacle feels others: balls around `places` (n, d) m at first, of `radius` m.
 
-    `stiffness` N/m and `mass` kg of each, by which damping counts.
+    `stiffness` N/m and `mass` kg of each, by which damping counts. `softness` 1/kg: acceleration of the obstacle's
+    surface by a force of 1 N, at most.
     """
 
     places: np.ndarray
     radius: float
     stiffness: float
     mass: float
+    softness: float
 
 
 _FORCES = ("contact_force", "contact_moment", "friction_force", "friction_moment")
@@ -94,7 +96,7 @@ class Reaction:
         """What is told now, by history name; the next peak counts from here."""
         peak, self.peak = self.peak, 0.0
         total = self.loads.sum(axis=0).tolist()
-        values = [*total, self.power, float(self.work.sum()), *self.impulse.tolist(), peak]
+        values: list[float] = [*total, self.power, float(self.work.sum()), *self.impulse.tolist(), peak]
         if self.motion is not None:
             values += [*self._shift.tolist(), *self._step.tolist()]
         if hasattr(self.motion, "kinetic"):
@@ -116,12 +118,6 @@ class Reaction:
 
     def _forces(self, p, rows):
         return np.concatenate([getattr(p, name)[rows] for name in _FORCES], axis=1)
-
-
-def moments(arm: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Moments (n, k) N m of forces (n, d) N with arms (n, d) m: one in the plane, three in space."""
-    pairs = [(0, 1)] if arm.shape[1] == 2 else [(1, 2), (2, 0), (0, 1)]
-    return np.column_stack([arm[:, a] * force[:, b] - arm[:, b] * force[:, a] for a, b in pairs])
 
 
 @kernel

@@ -132,7 +132,7 @@ class RigidContact:
             return 0.0
         held = comm.allreduce(len(self._held(p, time, ahead)[0]))
         stiffness = held * self.stiffness + len(self.feelers.places) * self.feelers.stiffness
-        return float(np.sqrt(stiffness * self.motion.softness()))
+        return float(np.sqrt(stiffness * self.feelers.softness))
 
     def _gap(self, position, pose):
         if pose is None:

@@ -11,7 +11,7 @@ class Search:
     """Owned points by the cells in which they were when the neighbours were found; made anew after a rebuild."""
 
     def __init__(self) -> None:
-        self._ids = None
+        self._ids: np.ndarray | None = None
         self._order = self._keys = self._lost = np.empty(0, np.int64)
         self._lower, self._cell, self._counts = np.zeros(0), 1.0, np.zeros(0, np.int64)
 

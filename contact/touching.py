@@ -7,9 +7,10 @@ All ranks compute the same, since obstacles are few.
 
 import numpy as np
 
+from periporo.contact.free import Free
 from periporo.contact.motion import velocity_between
-from periporo.contact.reaction import moments
 from periporo.contact.rigid import RigidContact
+from periporo.core.numerics.tensors import moments
 
 
 class Touching:
@@ -21,15 +22,15 @@ class Touching:
     def close(self, contacts: list, time: float, dt: float) -> None:
         """End a step of `dt` s of the free ones among the contacts, with what points and other obstacles do to them."""
         present = [c for c in contacts if isinstance(c, RigidContact)]
-        free = [c for c in present if c.feelers is not None]
-        total = {c.name: c.reaction.loads.sum(axis=0) for c in free}
-        for own in free:
+        total = {c.name: c.reaction.loads.sum(axis=0) for c in present if c.feelers and c.reaction}
+        for own in present:
             for other in present:
-                if other is not own:
+                if own.name in total and other is not own:
                     self._press(own, other, dt, total)
-        for own in free:
-            load = total[own.name]
-            own.motion.close(load[: len(own.motion.centre)], load[len(own.motion.centre) :], time, dt)
+        for own in present:
+            if isinstance(own.motion, Free):
+                load, d = total[own.name], len(own.motion.centre)
+                own.motion.close(load[:d], load[d:], time, dt)
 
     def memory(self) -> dict:
         """What a checkpoint keeps."""

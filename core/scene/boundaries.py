@@ -4,6 +4,7 @@ import numpy as np
 
 from periporo.core.loads.absorbing import Absorbing
 from periporo.core.loads.boundary import DisplacementHistory, PrescribedMotion, Traction, VelocityHistory
+from periporo.core.loads.tied import Tied
 from periporo.core.numerics.histories import AccelerationHistory, without_drift
 from periporo.core.water.boundaries import WaterBoundary
 from periporo.errors import InputError, Problem
@@ -13,8 +14,8 @@ _SAME = 1e-6  # spacings by which places that are the same may differ
 
 
 def build_boundary(
-    scene, name: str, lattices, moving: bool
-) -> PrescribedMotion | Traction | Absorbing | WaterBoundary:
+    scene, name: str, lattices, moving: bool, comm
+) -> PrescribedMotion | Traction | Absorbing | Tied | WaterBoundary:
     """The boundary condition `name`; prescribed components stand still in a stage that is not `moving`."""
     boundary = scene.boundaries[name]
     sites = _selected(scene, boundary.where, lattices)
@@ -24,6 +25,12 @@ def build_boundary(
         return _traction(scene, name, boundary.traction, sites)
     if boundary.absorb is not None:
         return _absorbing(scene, name, boundary.absorb, sites)
+    if boundary.tie is not None:
+        others = _selected(scene, boundary.tie.to, lattices)
+        if sum(len(ids) for _, ids, _ in others) == 0:
+            message = "no point of the scene lies in it"
+            raise InputError("scene", [Problem(("boundaries", name, "tie", "to"), message)])
+        return _tied(scene, name, boundary.tie.components, [*sites, *others], comm)
     ids = np.sort(np.concatenate([ids for _, ids, _ in sites]))
     if boundary.water is not None:
         return _water_at_faces(scene, ids, boundary.water)
@@ -108,6 +115,17 @@ def _traction(scene, name, model, sites):
     order = np.argsort(ids)
     lever = reach[order, None] * sign * np.eye(scene.dimension)[axis]
     return Traction(name, ids[order], np.array(model.stress) * scene.spacing ** (scene.dimension - 1), lever)
+
+
+def _tied(scene, name, axes, sites, comm):
+    """Points of the same level against gravity, half a spacing up or down, in groups."""
+    ids, first = np.unique(np.concatenate([i for _, i, _ in sites]), return_index=True)
+    place = np.concatenate([x for *_, x in sites])[first]
+    gravity = scene.vector(scene.gravity)
+    up = int(np.argmax(np.abs(gravity))) if gravity.any() else scene.dimension - 1
+    level = np.rint((place[:, up] - place[:, up].min()) / scene.spacing).astype(np.int64)
+    chosen = ["xyz".index(a) for a in axes]
+    return Tied(comm, dict.fromkeys(chosen, ids), dict.fromkeys(chosen, level), name)
 
 
 def _absorbing(scene, name, model, sites):

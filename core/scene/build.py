@@ -14,7 +14,8 @@ from periporo.core.correspondence.sub_horizon import SubHorizon
 from periporo.core.correspondence.sub_horizon_published import SubHorizonPublished
 from periporo.core.loads.absorbing import Absorbing
 from periporo.core.loads.boundary import Gravity, PrescribedMotion, Traction, ViscousDamping, without_overlaps
-from periporo.core.loads.reactions import BoundaryReaction
+from periporo.core.loads.reactions import BoundaryReactions
+from periporo.core.loads.tied import Tied
 from periporo.core.motion.dissipation import PlasticDissipation, reports
 from periporo.core.motion.quasi_static import QuasiStaticStage
 from periporo.core.motion.sleep import Sleep
@@ -155,10 +156,9 @@ def _tell_reactions(scene, sim, contacts, lattices):
     if told:
         sim.observers.append(Reactions(told, Touching() if any(c.feelers for c in told) else None))
     sim.reactions = [c.reaction for c in told]
-    for name, boundary in scene.boundaries.items():
-        if boundary.holds:
-            middle = middle_of(scene, boundary.where, lattices)
-            sim.reactions.append(BoundaryReaction(name, middle))
+    held = {name: boundary.where for name, boundary in scene.boundaries.items() if boundary.holds}
+    if held:
+        sim.reactions.append(BoundaryReactions({n: middle_of(scene, where, lattices) for n, where in held.items()}))
 
 
 def _parameter_fields(scene, materials, lattices, sim) -> ParameterFields | None:
@@ -217,11 +217,14 @@ def output_names(scene, sim) -> tuple[str, ...]:
 
 
 def _stage(scene, sim, stage, contacts, free_water, lattices):
-    motions, loads, inflows = [], [*free_water], []
+    motions, ties, loads, inflows = [], [], [*free_water], []
     if scene.gravity is not None:
         loads.append(Gravity(scene.vector(scene.gravity)))
     for name in stage.boundaries:
-        boundary = build_boundary(scene, name, lattices, moving=stage.type not in STILL)
+        boundary = build_boundary(scene, name, lattices, stage.type not in STILL, sim.comm)
+        if isinstance(boundary, Tied):
+            ties.append(boundary)
+            continue
         if isinstance(boundary, Absorbing):
             boundary.attach(sim.particles, sim.forces)
         kind = motions if isinstance(boundary, PrescribedMotion) else loads
@@ -230,6 +233,7 @@ def _stage(scene, sim, stage, contacts, free_water, lattices):
     if stage.type in STILL:
         motions += [hold(lattices[body]) for body, _ in flying]  # until their first motion
     motions = without_overlaps(motions)
+    motions += [tie.beside(motions) for tie in ties]
     present = [c for model, c in contacts if is_present(model, stage)]
     if stage.type == "relax":
         sides = np.array([(lattice.upper - lattice.lower).min() for lattice in lattices])

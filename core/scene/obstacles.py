@@ -21,12 +21,14 @@ def build_obstacle(scene, model, number: int, sim, stiffness: float, search: Sea
     """The contact with the obstacle of entry `number`; `stiffness` N/m^3. All share a `search`."""
     area = scene.spacing ** (scene.dimension - 1)
     free = getattr(model, "free", None)
-    motion, feelers, about = None, None, reference(model, scene.dimension)
+    motion: Motion | None = None
+    feelers, about = None, reference(model, scene.dimension)
     if free is not None:
         solid = solid_of(model, scene.dimension)
-        motion, about = _free_motion(scene, free, solid), solid.centre
+        body, about = _free_motion(scene, free, solid), solid.centre
         share = stiffness * solid.size ** (scene.dimension - 1) / len(solid.places)
-        feelers = Feelers(solid.places, solid.roundness, share, motion.mass / len(solid.places))
+        feelers = Feelers(solid.places, solid.roundness, share, body.mass / len(solid.places), body.softness())
+        motion = body
     elif model.moves:
         motion = _prescribed(model, about)
     reaction = None

@@ -13,7 +13,7 @@ from periporo.io.geometry.checks import geometry_problems
 from periporo.io.geometry.fields import typical_value
 from periporo.io.schema.base import AccelerationComponents, MotionComponents, Region, SceneModel
 from periporo.io.schema.bodies import Body, Polygon, Raster, StressComponents
-from periporo.io.schema.contacts import Absorb, Boundary, Traction, WaterAtFaces
+from periporo.io.schema.contacts import Absorb, Boundary, Tie, Traction, WaterAtFaces
 from periporo.io.schema.errors import model_problems, problems_of
 from periporo.io.schema.fields import field_schema, is_field, read_field
 from periporo.io.schema.obstacles import Free, Rotation, TerrainContact
@@ -132,6 +132,8 @@ def _out_of_plane(path: Path, part: SceneModel) -> Iterator[Problem]:
     message = "there is no z direction in 2 dimensions"
     if isinstance(part, Boundary) and part.fix and "z" in part.fix:
         yield Problem((*path, "fix"), message)
+    if isinstance(part, Tie) and "z" in part.components:
+        yield Problem((*path, "components"), message)
     if isinstance(part, Rotation) and part.axis is not None:
         yield Problem((*path, "axis"), "in 2 dimensions all turns from x to y; leave out the axis")
     if isinstance(part, Free) and "z" in part.hold:
@@ -200,6 +202,8 @@ def _references(scene: SceneInput, bodies: list[str], stages: list[str]) -> Iter
     for name, boundary in scene.boundaries.items():
         if boundary.where.body is not None:
             yield ("boundaries", name, "where", "body"), boundary.where.body, "body", bodies
+        if boundary.tie is not None and boundary.tie.to.body is not None:
+            yield ("boundaries", name, "tie", "to", "body"), boundary.tie.to.body, "body", bodies
     for k, stage in enumerate(scene.stages):
         for n, name in enumerate(stage.boundaries):
             yield ("stages", k, "boundaries", n), name, "boundary condition", scene.boundaries
@@ -272,8 +276,9 @@ def _record_problems(scene: SceneInput) -> Iterator[Problem]:
     for k, stage in enumerate(scene.stages):
         for n, name in enumerate(stage.boundaries if stage.type in STILL else ()):
             boundary = scene.boundaries.get(name)
-            if boundary is not None and boundary.absorb is not None:
-                message = f"absorbs waves, and has no hold in a {stage.type} stage; fix its points there"
+            if boundary is not None and (boundary.absorb is not None or boundary.tie is not None):
+                what = "absorbs waves" if boundary.tie is None else "ties points"
+                message = f"{what}, and has no hold in a {stage.type} stage; fix its points there"
                 yield Problem(("stages", k, "boundaries", n), message)
             motions = () if boundary is None else (boundary.velocity, boundary.displacement, boundary.acceleration)
             if stage.type == "quasi_static" and any(motion is not None for motion in motions):

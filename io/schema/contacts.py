@@ -96,6 +96,13 @@ class Absorb(SceneModel):
         return self
 
 
+class Tie(SceneModel):
+    """The points of two regions that lie at the same level move alike, in motion: sides of ground that goes on."""
+
+    to: Region = key("the other points")
+    components: tuple[Axis, ...] = key("components that they have in common", min_length=1, max_length=3)
+
+
 class Boundary(SceneModel):
     """A boundary condition on the points that `where` selects at the start; exactly one kind."""
 
@@ -111,6 +118,7 @@ class Boundary(SceneModel):
     traction: Traction | None = key("a load", default=None)
     water: WaterAtFaces | None = key("water that enters or leaves", default=None)
     absorb: Absorb | None = key("let waves out", default=None)
+    tie: Tie | None = key("make points move as those elsewhere at the same level", default=None)
 
     @property
     def holds(self) -> bool:
@@ -119,7 +127,7 @@ class Boundary(SceneModel):
 
     @model_validator(mode="after")
     def _is_one_kind(self):
-        kinds = ("fix", "velocity", "displacement", "acceleration", "traction", "water", "absorb")
+        kinds = ("fix", "velocity", "displacement", "acceleration", "traction", "water", "absorb", "tie")
         given = [kind for kind in kinds if getattr(self, kind) is not None]
         if len(given) != 1:
             found = f"found {' and '.join(given)}" if given else "found none"
