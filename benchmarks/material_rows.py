@@ -8,6 +8,7 @@ import time
 import numpy as np
 
 from periporo.core.numerics.tensors import equivalent_shear
+from periporo.core.points.varied import VariedLaw
 from periporo.materials.cam_clay import CamClay
 from periporo.materials.drucker_prager import DruckerPrager
 from periporo.materials.elastic import Elastic
@@ -42,6 +43,13 @@ def softening():
     )
 
 
+def varied(law, count):
+    """The law with another shear modulus in each row."""
+    moduli = law.shear_modulus * np.linspace(0.9, 1.1, count)[:, None]
+    whole = VariedLaw(law, ("shear_modulus",), lambda values: law.model_copy(update={"shear_modulus": values[0]}))
+    return whole.for_rows(moduli)
+
+
 def nanoseconds(laws, count, components, strain):
     """Processor time per row of each law, the median of calls that take turns: what else runs disturbs all alike."""
     rows = {name: rows_in_shear(law, count, components, strain) for name, law in laws.items()}
@@ -72,9 +80,11 @@ def main(words=None):
         "cam_clay, eta = 1e3": clay,
         "cam_clay, eta = 1e8": clay.model_copy(update={"viscosity": 1e8}),
     }
+    for name in ("elastic", "drucker_prager", "cam_clay, eta = 1e3"):
+        laws[f"{name}, varied"] = varied(laws[name], count)
     for strain, what in ((1e-6, "small steps"), (1e-4, "large steps"), (-1e-6, "unloading")):
-        print(f"{what:22} {'4 components':>20} {'6 components':>20}   ns per row, and over drucker_prager")
+        print(f"{what:28} {'4 components':>20} {'6 components':>20}   ns per row, and over drucker_prager")
         columns = [nanoseconds(laws, count, c, strain) for c in (4, 6)]
         for name in laws:
             cells = (f"{times[name]:12.1f} {times[name] / times['drucker_prager']:7.2f}" for times in columns)
-            print(f"{name:22} {' '.join(cells)}", flush=True)
+            print(f"{name:28} {' '.join(cells)}", flush=True)

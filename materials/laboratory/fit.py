@@ -1,7 +1,8 @@
 """Parameters of a law that fit measured tests best: `periporo.fit`, and `periporo fit MATERIAL.yaml TESTS.yaml`.
 
 Nonlinear least squares (Branch, Coleman & Li 1999, as in SciPy) over all tests at once. Each compared column counts by
-its distance from the measured one over the measured range, so that stresses and strains can be put together.
+its distance from the measured one over the measured range, so that stresses and strains can be put together; over a
+tenth of the largest value, if that is more.
 Confidence is that of the linear model at the end, with the scatter that is left.
 """
 
@@ -28,6 +29,7 @@ from periporo.materials.laboratory.phases import read_test
 _REFUSED = 1e3  # residual of parameters that contradict each other
 _STEP = 1e-4  # of a parameter, relative, for the derivatives
 _CONFIDENCE = 0.95
+_FLAT = 0.1  # a curve that is flat counts by this part of its height
 
 
 class Search(SceneModel):
@@ -225,7 +227,7 @@ def _residuals(data, names, values, tasks) -> np.ndarray:
                 given = np.atleast_1d(_at_failure(driven)[column])
             else:
                 given = _interpolated(task, driven, column)
-            span = np.ptp(measured[known]) or np.abs(measured[known]).max() or 1.0
+            span = max(np.ptp(measured[known]), _FLAT * np.abs(measured[known]).max()) or 1.0
             share = math.sqrt(task.model.weight / len(task.model.compare))
             parts.append(share * (given - measured)[known] / span)
     return np.concatenate(parts)
