@@ -7,7 +7,7 @@ from periporo.core.numerics.tensors import square_lengths
 from periporo.core.points import fields
 from periporo.core.ranks.reductions import maximum
 
-_REMEMBERED = ("stage_interval", "stage_start", "number", "last_step")
+_REMEMBERED = ("stage_interval", "stage_start", "number", "last_step", "last_time")
 _ALMOST = 1e-9  # intervals
 _VIEW = 1.5  # sizes of the scene, around its middle, to which a plane is drawn
 
@@ -52,7 +52,7 @@ class ResultObserver(Observer):
         self._stage_interval = np.inf
         self._stage_start = 0.0
         self._number = 1  # of the next output of the stage, after 0 at its start
-        self._last_step = -1
+        self._last_step, self._last_time = -1, 0.0  # of an output: an increment may take no step
 
     def start_stage(self, sim, stage) -> None:
         """Write the start of a dynamics stage."""
@@ -91,9 +91,9 @@ class ResultObserver(Observer):
             setattr(self, f"_{name}", memory[name])
 
     def _write(self, sim) -> None:
-        if self._last_step == sim.step_number:
+        if self._last_step == sim.step_number and self._last_time == sim.time:
             return
-        self._last_step = sim.step_number
+        self._last_step, self._last_time = sim.step_number, sim.time
         p, n = sim.particles, sim.particles.owned
         cells = () if self.obstacles is None else (self.obstacles(sim),)
         self.writer.write(sim.time, sim.step_number, p.id[:n], p.position[:n], fields.values(sim, self.names), *cells)
@@ -156,7 +156,7 @@ class HistoryObserver(Observer):
         self.latest = dict(memory["latest"])
 
     def _record(self, sim) -> None:
-        if self.latest.get("step") == sim.step_number:
+        if self.latest.get("step") == sim.step_number and self.latest["time"] == sim.time:
             return
         p, n = sim.particles, sim.particles.owned
         x = p.position[:n]

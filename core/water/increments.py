@@ -8,7 +8,7 @@ with the compliance c of elastic soil under a constant total stress, and a part 
 the increment, of T s. After it the soil finds its equilibrium under the pressures; C takes what the volumes found
 differ from those assumed, by Aitken's relaxation (Küttler & Wall 2008), until both agree. What they still differ by
 the next increment makes good, for it begins with the volumes that were assumed, and the water that flowed: none is
-lost. The rate of the last increment is the first guess.
+lost. The rate of the last increment is the first guess; free water loads all that is below its level.
 
 What counts is the mean of a difference over the neighbours. Pressures that alternate from point to point move no point,
 so no volume could answer to them; they have the compliance c, and die out by flow.
@@ -88,6 +88,7 @@ class Increments:
         p, row = self._sim.particles, self._sim.particles.increment
         if length != self.length:
             row[:, CORRECTION] = row[:, CARRIED] + row[:, DILATION_RATE] * length
+            row[:, CORRECTION] -= row[:, COMPLIANCE] * self._loaded(p, length)
             self.length, self.relaxation = length, 0.0
         found, rate = p.pore_dilation.copy(), 0.0
         for _ in range(_MOST_TRIALS):
@@ -142,7 +143,8 @@ class Increments:
         self.largest = self._scale(p)
         if self.length > 0.0:
             row[:, PRESSURE_RATE] = (p.pore_pressure - row[:, PRESSURE]) / self.length
-            yielded = row[:, COMPLIANCE] * (p.pore_pressure - row[:, PRESSURE])
+            change = p.pore_pressure - row[:, PRESSURE] - self._loaded(p, self.length)
+            yielded = row[:, COMPLIANCE] * change
             row[:, DILATION_RATE] = self._mean(p, p.pore_dilation - row[:, FOUND] - yielded) / self.length
         self._take_down()
         return error
@@ -170,6 +172,11 @@ class Increments:
             row[block.first, COMPLIANCE] = 0.5 / bulk + 0.5 / (bulk + 4.0 / 3.0 * shear)
         row[:, COMPLIANCE] *= p.saturation * p.pore_dilation
         self.length = -1.0  # s, none yet
+
+    def _loaded(self, p, length):
+        """By how much the pressure (owned,) Pa of free water rises in `length` s at the places of the points."""
+        free, time = self.water.free, self._sim.time
+        return np.zeros(p.owned) if free is None else free.pressure(p, time + length) - free.pressure(p, time)
 
     def _transport(self, p, net, rate):
         """Let water flow through `net`, whose fastest `rate` is given, in as many parts as it takes."""
