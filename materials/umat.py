@@ -108,7 +108,11 @@ class Umat(MaterialParameters):
                 raise ValueError(f"{self.library}: {self.symbol} reads {name}; {cure}")
 
     def _arguments(self, components: int) -> Arguments:
-        return Arguments(components, self.state_variables, self.props)
+        arguments = Arguments(components, self.state_variables, self.props)
+        for word, (name, _) in _WORDS.items():
+            if word not in self.reads:
+                arguments.set(name, np.nan)
+        return arguments
 
     @property
     def state_fields(self) -> tuple[StateField, ...]:

@@ -97,7 +97,7 @@ def advance(address, pointers, numbers, stress, strain_increment, state, variabl
     n = stress.shape[1]
     for b in range(stress.shape[0]):
         refused[b] = False
-        parts, done = 1, False
+        parts, done, lost = 1, False, 0.0
         while not done and parts <= _MOST_PARTS:
             _load(numbers, stress, state, b, variables, columns)
             lost, done = 0.0, True
