@@ -126,8 +126,7 @@ def section(scene: Path, row: dict) -> list[str]:
     return [
         f"## {name}", "", f"**{title_of(scene)}.**", *described(scene), "",
         f"| in motion, after {row['still_s']} s | the end, after {row['end_s']} s |", "|---|---|",
-        f"| ![in motion][{name}-still] | ![the end][{name}-end] |", "",
-        f"[{name}-still]: {file}_still.png", f"[{name}-end]: {file}.png", "",
+        f"| ![in motion]({file}_still.png) | ![end]({file}.png) |", "",
         f"{row['points']} points, {row['steps']} steps in {duration(float(row['processor_s']))} on one core. The "
         f"fastest point reaches {row['fastest_m_per_s']} m/s,",
         f"and energy is accounted for to {row['energy_unexplained']} of the largest term of its ledger.", "",

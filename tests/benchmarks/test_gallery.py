@@ -43,7 +43,7 @@ def test_a_scene_is_run_once_drawn_and_described(scenes):
     assert 0.0 < float(row["fastest_m_per_s"]) < 0.1 and float(row["energy_unexplained"]) < 1e-12
     for name in ("block", "block_still"):
         picture = scenes / "figures" / "gallery" / f"{name}.png"
-        assert f"]: figures/gallery/{name}.png\n" in page and 5_000 < picture.stat().st_size < gallery.LARGE
+        assert f"](figures/gallery/{name}.png) |" in page and 5_000 < picture.stat().st_size < gallery.LARGE
     result = scenes / "runs" / "block" / "block.vtkhdf"
     before = result.stat().st_mtime_ns
     gallery.main(words)

@@ -1,7 +1,8 @@
 """Every command and snippet in README.md and the pages of docs is tried, so that none can go stale.
 
 Fenced blocks are carried out in order, a folder for each page. Scenes are run at reduced size: spacing doubled where
-every box stays at least 16 points wide, stages of motion cut to 0.5 ms, relaxation ended early, mpirun starts one rank.
+every box stays at least 16 points wide, stages of motion cut to 0.5 ms and of flow in equilibrium to 1 s, relaxation
+ended early, mpirun starts one rank.
 Not carried out but checked are commands of the shell that install, batch systems, benchmarks and tests: packages'
 extras, scripts, their options and the tests' names must exist. Commands within a text are checked in the same way, or
 parsed if they are periporo's own. A comment `<!-- file: NAME -->` before a fence saves the block under this name.
@@ -84,6 +85,8 @@ def reduce(path):
             stage["duration"] = min(float(stage["duration"]), STEP)
         elif stage["type"] == "relax":
             stage["tolerance"] = 0.01
+        elif stage["type"] == "quasi_static":
+            stage |= {"duration": min(float(stage["duration"]), 1.0), "tolerance": 0.01}
         else:
             stage |= {"trial": 0.5, "accuracy": 0.3}
     scene["output"] = dict(scene.get("output", {})) | {"interval": STEP / 4}
