@@ -7,8 +7,9 @@ the largest of these, g, is their gap, that of two balls |xi| less a spacing. Ea
     k s_i s_j W(t) g^2 / 2  for g < 0,  t^2 = |xi|^2 - (g + d_i + d_j)^2,
 
 s being a point's share of its surface and W the cubic B-spline of four spacings' width, which adds up to one over the
-points that face another. All forces are the slopes of this energy, those through the turning and the stretching of
-faces included. So contact gives back what it took, whatever the surfaces look like.
+points that face another. Beyond 1.1 spacings of overlap it fades, to nothing at 1.6: a point that lies so deep behind a
+face is on the far side of its body. All forces are the slopes of this energy, those through the turning and the
+stretching of faces included. So contact gives back what it took, whatever the surfaces look like.
 
 Friction: every point has one spring to what it touches, from where it began to stick, in the mean of its pairs' slips,
 weighted by their pressures. It has half of the stiffness along a face, the other half being that of the partners'
@@ -20,7 +21,7 @@ import numpy as np
 
 from periporo.contact.entry import elastic_force
 from periporo.contact.faces import Faces
-from periporo.contact.gaps import WIDTH, find_gap, find_slip, gap_rate, spline, weigh
+from periporo.contact.gaps import WIDTH, find_gap, find_slip, gap_rate, push, spline, weigh
 from periporo.core.numerics.jit import kernel
 from periporo.core.points.forces import ForceChannels
 from periporo.core.points.neighbours import find_pairs
@@ -64,14 +65,14 @@ class BodiesContact:
         forces.need("contact", on_faces=True)
         forces.need("friction", on_faces=True)
 
-    def appear(self, p: Particles, time: float, before: list) -> None:
-        """Begin to act, after a stage with the contacts `before`.
+    def appear(self, p: Particles, time: float, before: list | None) -> None:
+        """Begin to act, after the contacts `before`, which end; None at the start of a run.
 
         What overlaps between bodies that did not touch so far presses from here on. Raises ContactError if it is more
         than half a spacing. Collective.
         """
         known = np.zeros_like(self.stiffness)
-        for contact in before:
+        for contact in before or ():
             if isinstance(contact, BodiesContact):
                 known = np.maximum(known, contact.stiffness)
         new = (self.stiffness > 0.0) & (known == 0.0)
@@ -307,8 +308,10 @@ def _normal_force(
         law = stiffness[body[i], body[j]]
         k = law * face[i, 0] * face[j, 0]
         reduced = mass[i] * mass[j] / (mass[i] + mass[j])
+        energy, slope_of_it = push(min(gap, 0.0), spacing)
         elastic = elastic_force(k * weight, -gap, -way, dt * dt / reduced)
-        sideways = 0.5 * k * min(gap, 0.0) ** 2 * steepness  # d energy/d xi, over xi
+        elastic += k * weight * (min(gap, 0.0) - slope_of_it)  # where it fades
+        sideways = k * energy * steepness  # d energy/d xi, over xi
         deeper = -elastic - sideways * (gap + reach)  # d energy/d gap at the same xi
         viscous = -2.0 * damping[body[i], body[j]] * np.sqrt(k * weight * reduced) * way / dt if dt > 0.0 else 0.0
         viscous = max(viscous, -elastic) if elastic > 0.0 else 0.0
