@@ -10,8 +10,9 @@ with d the lever of the face, the distance g of the point from the surface; beyo
 spacing. The overlap h = l - g has the rate of the face's approach, so that the normal force k h has the potential
 k h^2 / 2 and a closed path of small strain gains no energy. Soil that flows changes its neighbours and not its spacing:
 therefore a tenth of strain (D is the rate) lets a cell forget how it was squeezed, and one that is off the surface by
-more than a tenth of a spacing has its first reach l_0 again. What lifts a cell that forgets is the work `recovery`: its
-half at the surface so counts as rigid.
+more than a tenth of a spacing has its first reach l_0 again. What lifts a cell that forgets is the work `recovery`. It
+comes from a purse, which holds what the cell gave when it was squeezed: in soil that flows that was lost, and comes
+back, and never more. Where a law returns all work, that was not lost, and its cells forget nothing.
 
 The tangential force is a spring on the face from where it began to stick; where it would exceed friction times the
 normal force, the spring is cut to that and the face slides (Cundall & Strack 1979). The channel `contact` holds the
@@ -24,7 +25,7 @@ import numpy as np
 from periporo.contact.surfaces import Surface
 from periporo.core.numerics.jit import inlined, kernel
 from periporo.core.points.faces import add_face_force, face_velocity
-from periporo.core.points.forces import CONTACT, RECOVERY, ForceChannels
+from periporo.core.points.forces import CONTACT, FRICTION, RECOVERY, ForceChannels
 from periporo.core.points.particles import Field, Particles
 
 _LOOKS = 100  # along the way of an obstacle
@@ -36,6 +37,7 @@ _WHOLE = 1.4  # reaches up to which the lever is the distance from the surface; 
 FAR = 8.0
 """Reaches within which a surface must know how far a point is: what fast points cover before they are looked at again.
 """
+_GROWN = 1.1  # modulus over that which the stiffness was chosen for
 _LOST = 1.0  # reaches behind a surface from which on a point has passed through it
 
 
@@ -43,12 +45,17 @@ class RigidContact:
     """Contact of all points with one rigid surface.
 
     `stiffness` N/m per point, `friction` coefficient, `damping` share of critical damping along the normal,
-    `velocity` (d,) m/s of the obstacle, which is where its surface says when it appears. Only points that were within
+    `velocity` (d,) m/s of the obstacle, which is where its surface says when it appears; `flows` (materials,) whether
+    soil of a material flows, and its cells forget; `modulus` Pa that the stiffness was chosen for, and follows, or None
+    if it was given. Only points that were within
     the contact's reach plus `skin` m when the neighbours were found are looked at. Needs the force channels
     `contact` and `friction`.
     """
 
-    def __init__(self, name, surface: Surface, *, spacing, skin, stiffness, friction, damping=0.0, velocity=None):
+    def __init__(
+        self, name, surface: Surface, *, spacing, skin, stiffness, friction, damping=0.0, velocity=None, flows=(True,),
+        modulus=None,
+    ):  # fmt: skip
         self.name = name
         self.surface = surface
         self.reach = 0.5 * spacing
@@ -57,19 +64,21 @@ class RigidContact:
         self.friction = friction
         self.damping = damping
         self.velocity = velocity
+        self.flows = np.array(flows)
+        self.modulus = modulus
         self.spring, self.cell = f"contact_spring_{name}", f"contact_cell_{name}"
         self._time: float | None = None
         self._since = 0.0  # s, when it appeared
         self._chosen = None, None, None  # point ids, obstacle's shift, rows near it
-        self.breach: tuple[float, np.ndarray] | None = None  # how far behind the surface a point got, m, and where
+        self.breach: tuple[float, np.ndarray] | None = None  # how far behind the surface a point is, m, and where
 
     def attach(self, p: Particles, forces: ForceChannels) -> None:
         """Declare the stick springs (elongation, m), the cells, and the force channels.
 
-        Of a cell, its first reach and the present one are kept, both beyond half a spacing (m).
+        Of a cell, its first reach and the present one are kept, both beyond half a spacing (m), and its purse (J).
         """
         p.add_field(Field(self.spring, p.dimension, "m", sent=False))
-        p.add_field(Field(self.cell, 2, "m", sent=False))
+        p.add_field(Field(self.cell, 3, "", sent=False))
         forces.need("contact", on_faces=True)
         forces.need("friction", on_faces=True)
 
@@ -77,11 +86,61 @@ class RigidContact:
         """Have cells that miss the surface by at most `slack` (owned,) m, or overlap so far, reach just to it."""
         gap, _ = self.surface.gap(p.position[: p.owned])
         missed = gap - self.reach
-        getattr(p, self.cell)[:] = np.where(np.abs(missed) <= slack, missed, 0.0)[:, None]
+        getattr(p, self.cell)[:, :2] = np.where(np.abs(missed) <= slack, missed, 0.0)[:, None]
 
-    def appear(self, p: Particles, time: float, before: list) -> None:
-        """Begin to act, where its entry says."""
+    def appear(self, p: Particles, time: float, before: list | None) -> None:
+        """Begin to act, where its entry says, after the contacts `before`, which end; None at the start of a run.
+
+        A cell that overlaps it then presses from there on, beyond what it had pressed on an obstacle that ends: one
+        that takes the place of another bears what that bore, and none brings energy.
+        """
         self._since = time
+        if before is None:
+            return
+        borne = np.zeros(p.owned)
+        for contact in before:
+            if isinstance(contact, RigidContact):
+                pressed = np.maximum(contact.overlaps(p, time), 0.0)
+                borne = np.maximum(borne, min(contact.stiffness / self.stiffness, 1.0) * pressed)
+        self._press_from_here(p, time, np.arange(p.owned), borne)
+
+    def receive(self, p: Particles, time: float, ids: np.ndarray) -> None:
+        """Meet points (sorted ids) that are placed: those that overlap press from there on."""
+        rows = np.flatnonzero(np.isin(p.id[: p.owned], ids, assume_unique=True))
+        self._press_from_here(p, time, rows, np.zeros(len(rows)))
+
+    def _press_from_here(self, p, time, rows, borne):
+        """Have cells that overlap by more than `borne` m reach just so far; a point behind the surface is a breach."""
+        gap, _ = self.surface.gap(p.position[rows] - self._shift(p, time))
+        getattr(p, self.cell)[rows, :2] = np.minimum(gap - self.reach + borne, 0.0)[:, None]
+        self._note_breach(p.position[rows], gap + borne, 0.0)
+
+    def follow(self, p: Particles, time: float, modulus: float) -> None:
+        """Be as stiff as soil with that P-wave `modulus` (Pa), if it has grown much: by the same forces, with less way.
+
+        The energy of the way that is left out counts as lost.
+        """
+        if self.modulus is None or not modulus > _GROWN * self.modulus:
+            return
+        softer = self.modulus / modulus
+        pressed = np.maximum(self.overlaps(p, time), 0.0)
+        cell, spring = getattr(p, self.cell), getattr(p, self.spring)
+        stored = 0.5 * self.stiffness * pressed**2
+        p.work[:, CONTACT] += (1.0 - softer) * stored
+        p.work[:, FRICTION] -= (1.0 - softer) * stored
+        cell[:, :2] -= ((1.0 - softer) * pressed)[:, None]
+        spring *= softer
+        self.stiffness, self.modulus = self.stiffness / softer, modulus
+
+    def overlaps(self, p: Particles, time: float) -> np.ndarray:
+        """How far the cells of the points reach into the obstacle, (owned,) m; negative off it."""
+        gap, _ = self.surface.gap(p.position[: p.owned] - self._shift(p, time))
+        return self.reach + getattr(p, self.cell)[:, 1] - gap
+
+    def look_behind(self, p: Particles, time: float) -> None:
+        """Note the point that is deepest behind the surface, if it has passed it."""
+        gap, _ = self.surface.gap(p.position[: p.owned] - self._shift(p, time))
+        self._note_breach(p.position[: p.owned], gap, _LOST * self.reach)
 
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Add normal and friction force; velocities are those of the middle of the step."""
@@ -96,7 +155,8 @@ class RigidContact:
         gap, normal = self.surface.gap(p.position[rows] - shift)
         _contact_force(
             rows, gap, np.ascontiguousarray(normal), p.velocity, p.gradient, p.share, obstacle, p.mass, dt, self.reach,
-            self.stiffness, self.friction, self.damping, getattr(p, self.spring), getattr(p, self.cell),
+            self.stiffness, self.friction, self.damping, p.material, self.flows, getattr(p, self.spring),
+            getattr(p, self.cell),
             p.contact_force, p.contact_moment, p.friction_force, p.friction_moment, p.work, p.dim,
         )  # fmt: skip
 
@@ -144,11 +204,14 @@ class RigidContact:
 
     def memory(self) -> dict:
         """What a checkpoint keeps."""
-        return {"time": self._time, "since": self._since}
+        kept = {"time": self._time, "since": self._since}
+        return kept if self.modulus is None else kept | {"stiffness": self.stiffness, "modulus": self.modulus}
 
     def recall(self, memory: dict) -> None:
         """Go on from there."""
-        self._time, self._since = memory["time"], memory["since"]
+        self._time, self._since, self.breach = memory["time"], memory["since"], None
+        if self.modulus is not None:
+            self.stiffness, self.modulus = memory["stiffness"], memory["modulus"]
 
     def _shift(self, p, time):
         return np.zeros(p.dimension) if self.velocity is None else (time - self._since) * self.velocity
@@ -162,12 +225,16 @@ class RigidContact:
         near = ~(gap >= _SOON * self.reach + self.skin)  # NaN is near
         rows = np.flatnonzero(near | getattr(p, self.spring).any(axis=1) | getattr(p, self.cell).any(axis=1))
         self._chosen = p.id, shift, rows
-        known = np.isfinite(p.reference_position[rows]).all(axis=1)  # the watchdog tells of the others
-        lost = rows[known & ~(gap[rows] >= -_LOST * self.reach)]
-        if len(lost):
-            deepest = lost[np.argmin(np.nan_to_num(gap[lost], nan=-np.inf))]
-            self.breach = -float(gap[deepest]), p.reference_position[deepest]
+        self._note_breach(p.reference_position[rows], gap[rows], _LOST * self.reach)
         return rows
+
+    def _note_breach(self, position, gap, most):
+        """Remember the deepest of the points that are more than `most` m behind the surface, or over a hole."""
+        known = np.isfinite(position).all(axis=1)  # the watchdog tells of the others
+        lost = known & ~(gap >= -most)
+        if lost.any():
+            deepest = int(np.argmin(np.where(lost, np.nan_to_num(gap, nan=-np.inf), np.inf)))
+            self.breach = -float(gap[deepest]), position[deepest].copy()
 
 
 @inlined
@@ -189,6 +256,23 @@ def _strain_rate(gradient, i, d):
     return np.sqrt(square)
 
 
+@inlined
+def _forget(cell, i, strain, overlap, stiffness, work):
+    """Let a cell forget by a `strain` over the memory how it was squeezed: to the surface, or as its purse allows."""
+    way = (cell[i, 0] - cell[i, 1]) * strain / (1.0 + strain)
+    if overlap <= 0.0:
+        cell[i, 1] += min(way, -overlap)
+        return
+    lifted = stiffness * (overlap + 0.5 * way) * way
+    if lifted > max(cell[i, 2], 0.0):
+        way *= max(cell[i, 2], 0.0) / lifted
+        lifted = stiffness * (overlap + 0.5 * way) * way
+    cell[i, 1] += way
+    cell[i, 2] -= lifted
+    work[i, CONTACT] -= lifted
+    work[i, RECOVERY] += lifted
+
+
 @kernel
 def _resist(rows, gap, normal, velocity, gradient, share, reach, stiffness, sticks, force, moment, dim):
     d = len(dim)
@@ -207,8 +291,8 @@ def _resist(rows, gap, normal, velocity, gradient, share, reach, stiffness, stic
 
 @kernel
 def _contact_force(
-    rows, gap, normal, velocity, gradient, share, obstacle, mass, dt, reach, stiffness, friction, damping, spring,
-    cell, contact, contact_moment, shear, shear_moment, work, dim,
+    rows, gap, normal, velocity, gradient, share, obstacle, mass, dt, reach, stiffness, friction, damping, material,
+    flows, spring, cell, contact, contact_moment, shear, shear_moment, work, dim,
 ):  # fmt: skip
     d = len(dim)
     lever, face, load = np.zeros(d), np.zeros(d), np.zeros(d)
@@ -217,7 +301,7 @@ def _contact_force(
         off = gap[k] - reach - max(cell[i, 0], cell[i, 1])
         if off >= 0.0:
             if off > _OFF * reach:
-                cell[i, 0] = cell[i, 1] = 0.0
+                cell[i, 0] = cell[i, 1] = cell[i, 2] = 0.0
             for a in range(d):
                 spring[i, a] = 0.0
             continue
@@ -229,8 +313,11 @@ def _contact_force(
             approach += face[a] * normal[k, a]
             own += (velocity[i, a] - obstacle[a]) * normal[k, a]
         squeezed = cell[i, 1] + dt * (own - approach)
-        kept = 1.0 / (1.0 + dt * _strain_rate(gradient, i, d) / _MEMORY)
-        cell[i, 1] = cell[i, 0] + kept * (squeezed - cell[i, 0])
+        overlap = reach + squeezed - gap[k]
+        cell[i, 1] = squeezed
+        cell[i, 2] -= stiffness * max(overlap, 0.0) * dt * (own - approach)
+        if flows[material[i] if flows.shape[0] > 1 else 0]:
+            _forget(cell, i, dt * _strain_rate(gradient, i, d) / _MEMORY, overlap, stiffness, work)
         overlap = reach + cell[i, 1] - gap[k]
         if overlap <= 0.0:
             for a in range(d):
@@ -238,9 +325,6 @@ def _contact_force(
             continue
         viscous = 2.0 * damping * np.sqrt(stiffness * mass[i])
         elastic = stiffness * overlap
-        forgotten = elastic * (cell[i, 1] - squeezed)
-        work[i, CONTACT] -= forgotten
-        work[i, RECOVERY] += forgotten
         pressure = elastic - viscous * own
         if pressure < 0.0:
             pressure = 0.0

@@ -31,16 +31,18 @@ def build_contact(scene, model, number: int, sim):
             substrate.lower, substrate.upper, substrate.spacing * spacing, spacing=spacing, stiffness=model.stiffness,
             friction=model.friction, cutoff=model.cutoff * spacing, name=str(number),
         )  # fmt: skip
-    stiffness = model.stiffness
+    stiffness, modulus = model.stiffness, None
     if stiffness is None:
-        stiffness = max(_p_wave_modulus(m) for m in sim.materials) / spacing
+        modulus = max(_p_wave_modulus(m) for m in sim.materials)
+        stiffness = modulus / spacing
     law = {
         "stiffness": stiffness * spacing ** (scene.dimension - 1),
         "friction": model.friction,
         "damping": model.damping,
     }
     velocity = None if model.velocity is None else scene.vector(model.velocity)
-    law |= {"spacing": spacing, "skin": sim.largest_skin, "velocity": velocity}
+    flows = [not getattr(material, "conservative", False) for material in sim.materials]
+    law |= {"spacing": spacing, "skin": sim.largest_skin, "velocity": velocity, "flows": flows, "modulus": modulus}
     return RigidContact(str(number), _surface(model, sim), **law)
 
 
