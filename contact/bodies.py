@@ -7,8 +7,9 @@ the largest of these, g, is their gap, that of two balls |xi| less a spacing. Ea
     k s_i s_j W(t) g^2 / 2  for g < 0,  t^2 = |xi|^2 - (g + d_i + d_j)^2,
 
 s being a point's share of its surface and W the cubic B-spline of four spacings' width, which adds up to one over the
-points that face another. k is that of the outer halves of two cells, one behind the other, and stands in their place:
-while a pair presses, the energy
+points that face another. Beyond 1.1 spacings of overlap it fades, to nothing at 1.6: a point that lies so deep behind a
+face is on the far side of its body. k is that of the outer halves of two cells, one behind the other, and stands in
+their place: while a pair presses, the energy
 
     a s_i s_j W(t) (d_i/M_i + d_j/M_j) tau^2 / 2,  tau = (d_i tau_i/M_i + d_j tau_j/M_j) / (d_i/M_i + d_j/M_j),
 
@@ -84,14 +85,14 @@ class BodiesContact:
         forces.need("contact", on_faces=True)
         forces.need("friction", on_faces=True)
 
-    def appear(self, p: Particles, time: float, before: list) -> None:
-        """Begin to act, after a stage with the contacts `before`.
+    def appear(self, p: Particles, time: float, before: list | None) -> None:
+        """Begin to act, after the contacts `before`, which end; None at the start of a run.
 
         What overlaps between bodies that did not touch so far presses from here on. Raises ContactError if it is more
         than half a spacing. Collective.
         """
         known = np.zeros_like(self.stiffness)
-        for contact in before:
+        for contact in before or ():
             if isinstance(contact, BodiesContact):
                 known = np.maximum(known, contact.stiffness)
         new = (self.stiffness > 0.0) & (known == 0.0)

@@ -188,11 +188,9 @@ def _renew(rows, touched, share, inward, half, face, renewed, dim):
             continue
         face[i, :] = 0.0
         face[i, 0], face[i, 1] = 1.0, half
-        if alone:  # a ball
-            continue
-        for a in range(d):
-            face[i, 2 + a] = -inward[i, a] / size
         renewed[i] = True
+        for a in range(0 if alone else d):  # else it is a ball
+            face[i, 2 + a] = -inward[i, a] / size
 
 
 @kernel

@@ -12,6 +12,8 @@ from periporo.core.numerics.jit import inlined
 
 WIDTH = 2.0
 """Spacings along a face up to which two points can press on each other."""
+_DEEP, _BEHIND = 1.1, 1.6
+"""Spacings behind a face at which what pushes a point out begins to fade, and from which on it lies on the far side."""
 _LEVEL = 1.0, 0.6820926132672204  # of the spline in the plane and in space
 _FACING = 0.05  # cosine from which on two faces can meet
 _BLEND = 0.25  # spacings by which the gaps of the two points' faces may differ for both to count
@@ -136,7 +138,7 @@ def find_gap(position, face, bulge, i, j, spacing, xi, slope, arm, turn, d):
     """Gap of a pair (m); fills the scratch arrays.
 
     It is the larger of what the faces of either point say, and the mean where they say the same: neither comes first.
-    Infinite where no faces of the two can meet.
+    Infinite where no faces of the two can meet, and where one lies so deep that it must be on the other's far side.
     """
     square = 0.0
     for a in range(d):
@@ -167,7 +169,20 @@ def find_gap(position, face, bulge, i, j, spacing, xi, slope, arm, turn, d):
     if part != 1.0:
         _add_part(xi, face, bulge, j, i, other_face, other_partner, -1.0, 1.0 - part, slope, arm, turn, 1, 0, d)
     _meet(xi, arm, d)
-    return gap
+    return gap if not gap < -_BEHIND * spacing else np.inf
+
+
+@inlined
+def push(gap, spacing):
+    """Energy of an overlap over k, m^2, and its slope: gap^2/2, which fades where a point comes to the far side."""
+    energy, slope = 0.5 * gap * gap, gap
+    part = (-gap / spacing - _DEEP) / (_BEHIND - _DEEP)
+    if part <= 0.0:
+        return energy, slope
+    if part >= 1.0:
+        return 0.0, 0.0
+    left = 1.0 - part * part * (3.0 - 2.0 * part)
+    return energy * left, slope * left + energy * 6.0 * part * (1.0 - part) / ((_BEHIND - _DEEP) * spacing)
 
 
 @inlined

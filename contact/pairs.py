@@ -8,7 +8,7 @@ and `damping` are arrays by the numbers of the two bodies.
 import numpy as np
 
 from periporo.contact.entry import elastic_force
-from periporo.contact.gaps import depth_rate, facing, find_gap, find_slip, gap_rate, normal_stress, weigh
+from periporo.contact.gaps import depth_rate, facing, find_gap, find_slip, gap_rate, normal_stress, push, weigh
 from periporo.core.numerics.jit import inlined, kernel
 
 SOON = 0.5
@@ -142,7 +142,9 @@ def add_normal_force(
         k = law * face[i, 0] * face[j, 0]
         reduced = mass[i] * mass[j] / (mass[i] + mass[j])
         elastic = elastic_force(k * weight, -gap, -way, dt * dt / reduced)
-        energy = 0.5 * k * min(gap, 0.0) ** 2
+        pushed, pushing = push(min(gap, 0.0), spacing)
+        elastic += k * weight * (min(gap, 0.0) - pushing)  # where it fades
+        energy = k * pushed
         if gap < 0.0:
             area = weight * face[i, 0] * face[j, 0] * spacing ** (d - 1)
             energy -= (

@@ -33,7 +33,7 @@ class Repulsion:
         """Declare the force channel."""
         forces.need("contact")
 
-    def appear(self, p: Particles, time: float, before: list) -> None:
+    def appear(self, p: Particles, time: float, before: list | None) -> None:
         """Begin to act: nothing to be done."""
 
     def add_force(self, p: Particles, time: float, dt: float) -> None:

@@ -27,7 +27,7 @@ from periporo.contact.surfaces import Surface
 from periporo.core.numerics.jit import inlined, kernel
 from periporo.core.numerics.tensors import square_lengths
 from periporo.core.points.faces import add_face_force, face_velocity
-from periporo.core.points.forces import ForceChannels
+from periporo.core.points.forces import CONTACT, FRICTION, ForceChannels
 from periporo.core.points.particles import Field, Particles
 
 _LOOKS = 100  # along the way of an obstacle
@@ -39,6 +39,7 @@ _WHOLE = 1.4  # reaches up to which the lever is the distance from the surface; 
 FAR = 8.0
 """Reaches within which a surface must know how far a point is: what fast points cover before they are looked at again.
 """
+_GROWN = 1.1  # modulus over that which the stiffness was chosen for
 _LOST = 1.0  # reaches behind a surface from which on a point has passed through it
 
 
@@ -47,15 +48,15 @@ class RigidContact:
 
     `stiffness` N/m per point, `friction` coefficient, `damping` share of critical damping along the normal; `motion` of
     the obstacle, which is where its surface says when it appears, and stands without. `reaction` adds up what the
-    obstacle bears, if that is told; `feelers` of a free obstacle are where it feels others. Only points that were
-    within the contact's reach plus `skin` m when the neighbours were found are looked at. Needs the force channels
-    `contact` and `friction`.
+    obstacle bears, if that is told; `feelers` of a free obstacle are where it feels others; `modulus` Pa is what the
+    stiffness was chosen for, and follows, or None if it was given. Only points that were within the contact's reach
+    plus `skin` m when the neighbours were found are looked at. Needs the force channels `contact` and `friction`.
     """
 
     def __init__(
         self, name, surface: Surface, *, spacing, skin, stiffness, friction, damping=0.0,
         motion: Motion | None = None, reaction: Reaction | None = None, feelers: Feelers | None = None,
-        search: Search | None = None,
+        search: Search | None = None, modulus: float | None = None,
     ):  # fmt: skip
         self.name = name
         self.surface = surface
@@ -65,13 +66,14 @@ class RigidContact:
         self.friction = friction
         self.damping = damping
         self.motion, self.reaction, self.feelers = motion, reaction, feelers
+        self.modulus = modulus
         self._search = Search() if search is None else search
         self.spring, self.cell = f"contact_spring_{name}", f"contact_cell_{name}"
         self._time: float | None = None
         self.pose: Pose | None = None  # at that time; None if it stands
         self.pose_before: Pose | None = None  # at the start of that step
         self._chosen: tuple = None, None, 0.0, None  # point ids, pose, m around it with all points, rows near it
-        self.breach: tuple[float, np.ndarray] | None = None  # how far behind the surface a point got, m, and where
+        self.breach: tuple[float, np.ndarray] | None = None  # how far behind the surface a point is, m, and where
 
     def attach(self, p: Particles, forces: ForceChannels) -> None:
         """Declare the stick springs (elongation, m), the cells, and the force channels.
@@ -89,12 +91,62 @@ class RigidContact:
         missed = gap - self.reach
         getattr(p, self.cell)[:] = np.where(np.abs(missed) <= slack, missed, 0.0)[:, None]
 
-    def appear(self, p: Particles, time: float, before: list) -> None:
-        """Begin to act, where its entry says."""
+    def appear(self, p: Particles, time: float, before: list | None) -> None:
+        """Begin to act, where its entry says, after the contacts `before`, which end; None at the start of a run.
+
+        A cell that overlaps it then presses from there on, beyond what it had pressed on an obstacle that ends: one
+        that takes the place of another bears what that bore, and none brings energy.
+        """
         if self.motion is not None:
             self.motion.appear(time)
             self._time = time
             self.pose = self.pose_before = self.motion.pose(time)
+        if before is None:
+            return
+        borne = np.zeros(p.owned)
+        for contact in before:
+            if isinstance(contact, RigidContact):
+                pressed = np.maximum(contact.overlaps(p), 0.0)
+                borne = np.maximum(borne, min(contact.stiffness / self.stiffness, 1.0) * pressed)
+        self._press_from_here(p, np.arange(p.owned), borne)
+
+    def receive(self, p: Particles, ids: np.ndarray) -> None:
+        """Meet points (sorted ids) that are placed: those that overlap press from there on."""
+        rows = np.flatnonzero(np.isin(p.id[: p.owned], ids, assume_unique=True))
+        self._press_from_here(p, rows, np.zeros(len(rows)))
+
+    def _press_from_here(self, p, rows, borne):
+        """Have cells that overlap by more than `borne` m reach just so far; a point behind the surface is a breach."""
+        gap, _ = self._gap(p.position[rows], self.pose)
+        getattr(p, self.cell)[rows] = np.minimum(gap - self.reach + borne, 0.0)[:, None]
+        self._note_breach(p.position[rows], gap + borne, 0.0)
+
+    def follow(self, p: Particles, modulus: float) -> None:
+        """Be as stiff as soil with that P-wave `modulus` (Pa), if it has grown much: by the same forces, with less way.
+
+        The energy of the way that is left out counts as lost.
+        """
+        if self.modulus is None or not modulus > _GROWN * self.modulus:
+            return
+        softer = self.modulus / modulus
+        pressed = np.maximum(self.overlaps(p), 0.0)
+        cell, spring = getattr(p, self.cell), getattr(p, self.spring)
+        stored = 0.5 * self.stiffness * pressed**2
+        p.work[:, CONTACT] += (1.0 - softer) * stored
+        p.work[:, FRICTION] -= (1.0 - softer) * stored
+        cell -= ((1.0 - softer) * pressed)[:, None]
+        spring *= softer
+        self.stiffness, self.modulus = self.stiffness / softer, modulus
+
+    def overlaps(self, p: Particles) -> np.ndarray:
+        """How far the cells of the points reach into the obstacle, (owned,) m; negative off it."""
+        gap, _ = self._gap(p.position[: p.owned], self.pose)
+        return self.reach + getattr(p, self.cell)[:, 1] - gap
+
+    def look_behind(self, p: Particles) -> None:
+        """Note the point that is deepest behind the surface, if it has passed it."""
+        gap, _ = self._gap(p.position[: p.owned], self.pose)
+        self._note_breach(p.position[: p.owned], gap, _LOST * self.reach)
 
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Add normal and friction force; velocities are those of the middle of the step."""
@@ -212,11 +264,14 @@ class RigidContact:
     def memory(self) -> dict:
         """What a checkpoint keeps."""
         parts = {"motion": self.motion, "reaction": self.reaction}
-        return {"time": self._time} | {name: part.memory() for name, part in parts.items() if part is not None}
+        kept = {"time": self._time} | {name: part.memory() for name, part in parts.items() if part is not None}
+        return kept if self.modulus is None else kept | {"stiffness": self.stiffness, "modulus": self.modulus}
 
     def recall(self, memory: dict) -> None:
         """Go on from there."""
-        self._time = memory["time"]
+        self._time, self.breach = memory["time"], None
+        if self.modulus is not None:
+            self.stiffness, self.modulus = memory["stiffness"], memory["modulus"]
         if self.motion is not None:
             self.motion.recall(memory["motion"])
             self.pose = self.pose_before = None if self._time is None else self.motion.pose(self._time)
@@ -239,12 +294,16 @@ class RigidContact:
         rows, gap, x = rows[near], gap[near], x[near]
         radius = 0.0 if pose is None else _largest_length(p.reference_position[: p.owned] - pose.reference)
         self._chosen = p.id, pose, radius, rows
-        known = np.isfinite(x).all(axis=1)  # the watchdog tells of the others
-        lost = np.flatnonzero(known & ~(gap >= -_LOST * self.reach))
-        if len(lost):
-            deepest = lost[np.argmin(np.nan_to_num(gap[lost], nan=-np.inf))]
-            self.breach = -float(gap[deepest]), x[deepest]
+        self._note_breach(x, gap, _LOST * self.reach)
         return rows
+
+    def _note_breach(self, position, gap, most):
+        """Remember the deepest of the points that are more than `most` m behind the surface, or over a hole."""
+        known = np.isfinite(position).all(axis=1)  # the watchdog tells of the others
+        lost = known & ~(gap >= -most)
+        if lost.any():
+            deepest = int(np.argmin(np.where(lost, np.nan_to_num(gap, nan=-np.inf), np.inf)))
+            self.breach = -float(gap[deepest]), position[deepest].copy()
 
     def _candidates(self, p, pose, way):
         """Rows of all points that are so near that they touch, hold a spring, or may soon, after a `way` m."""

@@ -7,6 +7,8 @@ from periporo.core.numerics.jit import inlined, kernel
 from periporo.core.points.forces import ForceChannels
 from periporo.core.points.particles import Particles
 
+_NEAREST = 0.45  # spacings from a substrate at which points may be when it appears
+
 
 class ShortRangePublished:
     """Repulsion of points from the fixed points of a box, and what its authors call friction.
@@ -39,6 +41,8 @@ class ShortRangePublished:
         self.origin = lower + 0.5 * substrate_spacing
         self.substrate_spacing = substrate_spacing
         self.stiffness = stiffness * spacing ** (len(lower) - 2)
+        self.nearest = _NEAREST * spacing
+        self.breach: tuple[float, np.ndarray] | None = None  # how far a cell overlaps it, m, and where
         self.friction = friction
         self.cutoff = cutoff
 
@@ -47,8 +51,23 @@ class ShortRangePublished:
         forces.need("contact")
         forces.need("friction")
 
-    def appear(self, p: Particles, time: float, before: list) -> None:
-        """Begin to act: nothing to be done."""
+    def appear(self, p: Particles, time: float, before: list | None) -> None:
+        """Begin to act after the contacts `before`, which end; None at the start of a run.
+
+        There is no way to be near a substrate without being pushed: cells that overlap it are a breach, unless it takes
+        the place of another.
+        """
+        gap, _ = self.surface.gap(p.position[: p.owned])
+        same = [c for c in before or () if isinstance(c, ShortRangePublished) and c.covers(self)]
+        if before is not None and not same and gap.min(initial=np.inf) < self.nearest:
+            deepest = int(np.argmin(gap))
+            self.breach = self.nearest - float(gap[deepest]), p.position[deepest].copy()
+
+    def covers(self, other: "ShortRangePublished") -> bool:
+        """Whether its substrate is that of another."""
+        return np.array_equal(self.surface.lower, other.surface.lower) and np.array_equal(
+            self.surface.upper, other.surface.upper
+        )
 
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Add repulsion and friction; velocities are those of the middle of the step."""

@@ -151,7 +151,7 @@ class Simulation:
         New points come whose migrating fields `arrive` gives for this rank's part of a division of space.
         """
         p = self.particles
-        self._refuse_breaches()
+        self.refuse_breaches()
         self._adapt_skin()
         others_sleep = self.sleep is not None and self.sleep.decide(self)
         before, self.domain = self.domain, self._divided()
@@ -172,19 +172,18 @@ class Simulation:
         self.rebuild_count += 1
         self.rebuilt_at = self.step_number
 
-    def _refuse_breaches(self) -> None:
-        """Raise ContactError, on all ranks alike, if a point has passed through an obstacle."""
+    def refuse_breaches(self, how: str = "") -> None:
+        """Raise ContactError, on all ranks alike, if a point is behind an obstacle; `how` it came there, and advice."""
         found = [(*c.breach, c.name) for c in self.contacts if getattr(c, "breach", None) is not None]
         if not any_rank(self.comm, bool(found)):
             return
         breaches = [b for of_rank in self.comm.allgather(found) for b in of_rank]
         depth, place, name = max(breaches, key=lambda b: (np.isnan(b[0]), b[0], tuple(b[1])))
-        how = "came over a hole" if np.isnan(depth) else f"got {depth:.3g} m behind its surface"
-        at = place_text(place, self.origin, 4)
-        raise ContactError(
-            f"contacts[{name}]: a point passed the obstacle, at ({at}) it {how}; give the contact more stiffness, "
-            "or the scene a domain that points leave before"
+        where = "over a hole" if np.isnan(depth) else f"{depth:.3g} m behind its surface"
+        how = how or (
+            "has passed the obstacle; give the contact more stiffness, or the scene a domain that points leave before"
         )
+        raise ContactError(f"contacts[{name}]: a point at ({place_text(place, self.origin, 4)}), {where}, {how}")
 
     def _departing(self, departures: Departures) -> np.ndarray:
         """Which owned points (owned,) leave now; their energy is booked."""
@@ -351,7 +350,7 @@ class Simulation:
         for prepare in self.preparations:
             prepare(self)
         for contact in self.contacts:
-            contact.appear(self.particles, self.time, [])
+            contact.appear(self.particles, self.time, None)
         self.apply_loads(0.0)
         self.rate_independent = False
         self.bonds.initial_stress = None  # from now on, a row without a past is a point that lands

@@ -46,9 +46,13 @@ class Stage(ABC):
                 self.construction.carry_out(sim)
             self._set_out(sim)
             before = sim.stages[max(sim.stage_number - 1, 0)].contacts  # at the start of a run those of the first stage
+            ending = [contact for contact in before if contact not in self.contacts]
             for contact in self.contacts:
                 if contact not in before:
-                    contact.appear(sim.particles, sim.time, before)
+                    contact.appear(sim.particles, sim.time, ending)
+                elif self.construction is not None and hasattr(contact, "receive"):
+                    contact.receive(sim.particles, self.construction.ids)
+            sim.refuse_breaches(f"is in its way in stage '{self.name}'; remove what is there before, or place it apart")
             for motion in self.prescribed_motions:
                 motion.begin()
             sim.time_step.expire()
@@ -64,6 +68,10 @@ class Stage(ABC):
             guard.start_stage(sim, self)
         while not self._advance(sim):
             pass
+        for contact in self.contacts:
+            if hasattr(contact, "look_behind"):
+                contact.look_behind(sim.particles)
+        sim.refuse_breaches()
         summary = self._finish(sim)
         for observer in sim.observers:
             observer.finish_stage(sim, self, summary)

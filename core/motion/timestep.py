@@ -61,6 +61,7 @@ class StableTimeStep:
             return self.fixed * self.reduction
         if sim.sleep is not None and sim.sleep.share == 1.0:
             return sim.dt
+        _stiffen_contacts(sim)
         local = local_frequency(sim, sim.contacts, self.interval * sim.dt)
         grows = local > (1.0 + _DRIFT) * self._local and self._local > 0.0
         self._local, self._again = local, sim.step_number + max(1, self.interval // 4 if grows else self.interval)
@@ -89,6 +90,21 @@ class StableTimeStep:
         """Set it back."""
         for name in _REMEMBERED:
             setattr(self, name, memory[name])
+
+
+def _stiffen_contacts(sim) -> None:
+    """Let contacts whose stiffness is that of the soil follow its present one, where a law's moduli may change."""
+    following = [contact for contact in sim.contacts if getattr(contact, "modulus", None) is not None]
+    changing = [block for block in sim.bonds.blocks if not block.keeps_all]
+    if not following or not changing:
+        return
+    largest = 0.0
+    for block in changing:
+        bulk, shear = block.elastic_moduli()
+        largest = max(largest, float((bulk + 4.0 / 3.0 * shear)[block.active].max(initial=0.0)))
+    largest = maximum(sim.comm, largest)
+    for contact in following:
+        contact.follow(sim.particles, largest)
 
 
 def damped_limit(sim, frequency: float) -> float:

@@ -9,8 +9,8 @@ WORK = ("internal", "external", "contact", "friction", "damping", "prescribed", 
 """Columns of the point field `work` (J): force channels, constraints, and the time integrator's own term."""
 FLOW_WORK = ("viscous_dissipation", "exchange_dissipation", "rearrangement_work")
 """Columns of the point field `flow_work` (J) of schemes that keep flowing points regular."""
-INTERNAL, PRESCRIBED, INTEGRATION = (
-    WORK.index(name) for name in ("internal", "prescribed", "integration")
+INTERNAL, CONTACT, FRICTION, PRESCRIBED, INTEGRATION = (
+    WORK.index(name) for name in ("internal", "contact", "friction", "prescribed", "integration")
 )
 
 

@@ -28,10 +28,11 @@ def build_contact(scene, model, number: int, sim, search: Search):
             substrate.lower, substrate.upper, substrate.spacing * spacing, spacing=spacing, stiffness=model.stiffness,
             friction=model.friction, cutoff=model.cutoff * spacing, name=str(number),
         )  # fmt: skip
-    stiffness = model.stiffness
+    stiffness, modulus = model.stiffness, None
     if stiffness is None:
-        stiffness = max(_p_wave_modulus(m) for m in sim.materials) / spacing
-    return build_obstacle(scene, model, number, sim, stiffness, search)
+        modulus = max(_p_wave_modulus(m) for m in sim.materials)
+        stiffness = modulus / spacing
+    return build_obstacle(scene, model, number, sim, stiffness, modulus, search)
 
 
 def build_bodies_contact(scene, models, faces, sim) -> BodiesContact:

@@ -20,6 +20,7 @@ def doubts_about(scene, sim) -> list[str]:
         *_too_soft(sim, scene),
         *_histories_before_their_stage(scene),
         *_rest_that_cannot_be(scene),
+        *_thin_obstacles(scene),
         *_stiff_contacts(sim, scene),
         *_doubts_of_laws(sim, scene),
         *_strange_permeability(scene),
@@ -134,6 +135,23 @@ def _rest_that_cannot_be(scene) -> list[str]:
             if any(np.interp(end, h.times, h.values) != 0.0 for h in (parts.x, parts.y, parts.z) if h is not None):
                 doubts.append(f"stage '{stage.name}' is to stop at rest, but boundary '{name}' moves until its end")
         begin = end
+    return doubts
+
+
+def _thin_obstacles(scene) -> list[str]:
+    """A remark on each obstacle that is thinner than a spacing: beyond its middle the way out is the other side's."""
+    doubts = []
+    for number, model in enumerate(scene.contacts):
+        sizes = {
+            "box": lambda m: min(np.subtract(m.upper, m.lower)), "disc": lambda m: 2.0 * m.radius,
+            "cylinder": lambda m: min(2.0 * m.radius, m.height),
+        }  # fmt: skip
+        thickness = float(sizes[model.type](model)) if model.type in sizes else np.inf
+        if thickness < scene.spacing * (1.0 - 1e-6):
+            doubts.append(
+                f"contacts[{number}] ({model.type}) is {thickness:.3g} m thick, less than a spacing: a point that is "
+                "pressed to its middle comes out on the other side; make it thicker"
+            )
     return doubts
 
 

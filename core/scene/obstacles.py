@@ -17,8 +17,13 @@ from periporo.io.geometry.meshes import read_mesh
 from periporo.io.geometry.rasters import read_raster
 
 
-def build_obstacle(scene, model, number: int, sim, stiffness: float, search: Search) -> RigidContact:
-    """The contact with the obstacle of entry `number`; `stiffness` N/m^3. All share a `search`."""
+def build_obstacle(
+    scene, model, number: int, sim, stiffness: float, modulus: float | None, search: Search
+) -> RigidContact:
+    """The contact with the obstacle of entry `number`; `stiffness` N/m^3, of a `modulus` Pa or None if it was given.
+
+    All share a `search`.
+    """
     area = scene.spacing ** (scene.dimension - 1)
     free = getattr(model, "free", None)
     motion: Motion | None = None
@@ -37,7 +42,7 @@ def build_obstacle(scene, model, number: int, sim, stiffness: float, search: Sea
     return RigidContact(
         str(number), surface_of(model, sim), spacing=scene.spacing, skin=sim.largest_skin, stiffness=stiffness * area,
         friction=model.friction, damping=model.damping, motion=motion, reaction=reaction, feelers=feelers,
-        search=search,
+        search=search, modulus=modulus,
     )  # fmt: skip
 
 

@@ -127,6 +127,44 @@ def test_points_that_are_guided_keep_their_force():
     assert rig.p.contact_force == pytest.approx(before, abs=1e-9 * K * H)
 
 
+def test_what_overlaps_when_an_obstacle_appears_presses_from_there_on():
+    """But for what it had pressed on one that ends; a point behind the surface is a breach."""
+    rig = Rig(coulomb(), [[0.0, 0.2 * H], [1.0, 0.5 * H - SINK], [2.0, 0.7 * H]])
+    ends, contact = rig.contact, coulomb(stiffness=4.0 * K)
+    contact.spring, contact.cell = "second_spring", "second_cell"
+    contact.attach(rig.p, rig.forces)
+    contact.appear(rig.p, 1.0, [])
+    assert contact.overlaps(rig.p) == pytest.approx([0.0, 0.0, -0.2 * H], abs=1e-12)
+    contact.appear(rig.p, 1.0, [ends])
+    assert contact.overlaps(rig.p) == pytest.approx([0.075 * H, 0.25 * SINK, -0.2 * H], abs=1e-12)
+    assert contact.breach is None
+    rig.p.position[0, 1] = -0.1 * H
+    contact.appear(rig.p, 1.0, [])
+    depth, place = contact.breach
+    assert depth == pytest.approx(0.1 * H) and place == pytest.approx([0.0, -0.1 * H])
+
+
+def test_a_contact_follows_the_stiffness_of_the_soil_without_a_gain():
+    """The same forces from less overlap, if the modulus has grown; a stiffness that was given stays."""
+    rig = Rig(coulomb(friction=5.0, modulus=1e6), [0.0, 0.5 * H - 2.0 * SINK], (0.1, 0.0))
+    rig.run(0.01)
+    p, contact = rig.p, rig.contact
+    before, residual = np.concatenate([p.contact_force[0], p.friction_force[0]]), rig.residual()
+    stored = 0.5 * K * contact.overlaps(p)[0] ** 2
+    contact.follow(p, 1.05e6)
+    assert contact.stiffness == K
+    work = p.work.sum(axis=0)
+    contact.follow(p, 4e6)
+    assert contact.stiffness == 4.0 * K and contact.modulus == 4e6
+    rig.evaluate(0.0)
+    assert np.concatenate([p.contact_force[0], p.friction_force[0]]) == pytest.approx(before, rel=1e-9)
+    assert 0.5 * contact.stiffness * contact.overlaps(p)[0] ** 2 == pytest.approx(0.25 * stored, rel=1e-9)
+    assert p.work.sum() == pytest.approx(work.sum()) and rig.residual() == pytest.approx(residual, abs=1e-12)
+    given = coulomb()
+    given.follow(p, 1e9)
+    assert given.stiffness == K
+
+
 def test_cells_of_displaced_points_reach_just_to_the_surface():
     contact = coulomb()
     rig = Rig(contact, [[0.0, 0.45 * H], [0.5, 0.56 * H], [1.0, 0.7 * H], [2.0, 0.3 * H]])

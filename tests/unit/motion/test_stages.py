@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 from periporo.core.motion.relaxation import RelaxationError
 from periporo.core.scene.build import build
-from periporo.errors import InputError
+from periporo.errors import ContactError, InputError
 from periporo.io.input.load import parse_scene
 
 SOFT = {"model": "elastic", "density": 1800.0, "bulk_modulus": 25e5, "shear_modulus": 15e5}
@@ -85,6 +85,36 @@ def test_the_step_is_chosen_when_a_stage_begins(scene_of):
     assert sim.particles.velocity[:, 1].max() > 0.05
     total = energies["kinetic_energy"] + energies["internal_energy"] + energies["contact_energy"]
     assert total == pytest.approx(sim.ledger.initial_kinetic, rel=1e-2)
+
+
+@pytest.mark.parametrize("kind", ["box", "short_range_published"])
+def test_an_obstacle_that_appears_where_soil_has_come_is_refused(scene_of, kind):
+    """Its place is free at the start; the block flies into it, and would be shot out."""
+    place = {"lower": [0.05, -0.1], "upper": [0.09, 0.1]}
+    wall = {"type": kind, "stages": ["meet"], "friction": 0.0}
+    wall |= place if kind == "box" else {"substrate": place}
+    scene = scene_of(counts=(6, 4), materials=SOFT, gravity=[0.0, 0.0], contacts=[wall])
+    scene["bodies"][0]["velocity"] = [1.0, 0.0]
+    scene["stages"] = [{"name": "fly", "type": "dynamics", "duration": 0.03},
+                       {"name": "meet", "type": "dynamics", "duration": 1e-3}]  # fmt: skip
+    with pytest.raises(ContactError, match=r"contacts\[0\]: a point at \(.*\), .* m behind .* in stage 'meet'"):
+        built(scene).run()
+
+
+@pytest.mark.parametrize("level", [-0.002, -0.02])
+def test_soil_that_is_placed_in_an_obstacle_presses_from_there_on_or_is_refused(scene_of, level):
+    scene = scene_of(counts=(6, 4), materials=SOFT, gravity=[0.0, 0.0])
+    new = {"type": "box", "lower": [0.1, level], "upper": [0.16, level + 0.04]}
+    scene["bodies"].append({"name": "new", "material": "soil", "shape": new, "lattice": "own"})
+    scene["stages"] = [{"name": "wait", "type": "dynamics", "duration": 1e-4},
+                       {"name": "build", "type": "dynamics", "duration": 2e-3, "place": ["new"]}]  # fmt: skip
+    sim = built(scene)
+    if level < -0.01:
+        with pytest.raises(ContactError, match="is in its way in stage 'build'"):
+            sim.run()
+    else:
+        sim.run()
+        assert sim.ledger.kinetic() < 1e-20
 
 
 def test_what_flows_does_not_settle(scene_of):

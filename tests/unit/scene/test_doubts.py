@@ -63,6 +63,16 @@ def test_a_contact_that_sets_the_step(scene_of):
     assert text.startswith("the stiffness of contacts[1] (plane), 1e+13 N/m^3, makes the time step ")
 
 
+def test_an_obstacle_thinner_than_a_spacing(scene_of):
+    scene = scene_of()
+    plate = {"type": "box", "lower": [0.06, 0.0], "upper": [0.0699, 0.1], "friction": 0.0}
+    scene["contacts"].append(plate)
+    (text,) = doubts(scene)
+    assert text.startswith("contacts[1] (box) is 0.0099 m thick, less than a spacing")
+    plate["upper"][0] = 0.07
+    assert doubts(scene) == []
+
+
 @pytest.mark.parametrize("kind", ["box", "short_range_published"])
 @pytest.mark.parametrize("stage", ["first", "later"])
 def test_obstacles_that_appear_in_soil_are_refused_whatever_the_stage(scene_of, kind, stage):
