@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from periporo.core.motion.relaxation import RelaxationError
-from periporo.core.motion.settling import Settling, evaluate_at_rest
+from periporo.core.motion.settling import Settling
 from periporo.core.motion.stages import Stage
 from periporo.core.points.particles import Field, Particles
 
@@ -129,7 +129,7 @@ class QuasiStaticStage(Stage):
     def _settle(self, sim, again: bool = False) -> None:
         """Look for equilibrium under the present pressures."""
         self.settling.begin(sim, again)
-        evaluate_at_rest(sim)
+        sim.apply_loads(0.0)
 
     def _finish(self, sim) -> str:
         self.settling.end(sim)

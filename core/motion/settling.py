@@ -48,7 +48,7 @@ class Settling(Relaxation):
         """Whether equilibrium is reached; if not, make ready for the next step."""
         if self._moved:  # at rest again: what dampings of contacts made of the move does not count
             self._set_velocity(sim.particles, np.zeros((sim.particles.owned, sim.particles.dimension)))
-            evaluate_at_rest(sim)
+            sim.apply_loads(0.0)
             self._moved = False
         if (self.steps + 1) % 20 == 0 and self.way(sim) > self.largest_way:
             raise RelaxationError(f"stage '{self.name}': a point has gone {self.way(sim):.3g} m without coming to rest")
@@ -124,13 +124,3 @@ class Settling(Relaxation):
 
 def _columns(*pairs):
     return np.stack([(a * b).ravel() for a, b in pairs], axis=1)
-
-
-def evaluate_at_rest(sim) -> None:
-    """Forces of the present state without motion, from what a checkpoint keeps and nothing else."""
-    sim.confirm()
-    if "activity" in sim.particles.fields:
-        sim.particles.activity[:] = 0.0
-    dt, sim.dt = sim.dt, 0.0
-    sim.evaluate_forces()
-    sim.dt = dt

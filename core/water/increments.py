@@ -109,6 +109,7 @@ class Increments:
             rate = end
         p.pore_dilation[:] = found
         self.water.exchange(p, p.water_content)
+        self.water.update(p, self._sim.bonds, 0.0)
         return self._error(p)
 
     def shortest_time(self) -> float:
