@@ -107,7 +107,7 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
         sim.reaches.append(faces.find_reach)
         sim.preparations += [faces.share_out, lambda sim: refuse_overlaps(scene, between, sim)]
     for stage in scene.stages:
-        if stage.type not in STILL and stage.damping.viscous > 0.0:
+        if stage.type != "relax" and stage.type != "quasi_static" and stage.damping.viscous > 0.0:
             sim.forces.need("damping")
     if any(stage.type == "relax" for stage in scene.stages):
         RelaxStage.attach(particles)

@@ -64,15 +64,6 @@ def wet_column():
     return scene
 
 
-def patient_column():
-    """The same, but first it rains a while on a column in equilibrium."""
-    scene = wet_column()
-    wait = {"name": "wait", "type": "quasi_static", "duration": 1.0, "tolerance": 0.1,
-            "boundaries": ["left", "right", "drizzle"]}  # fmt: skip
-    scene["boundaries"]["drizzle"] = {"where": {"lower": [None, 0.13]}, "water": {"rain": 1e-4}}
-    return scene | {"stages": [wait, scene["stages"][1] | {"duration": 0.01}]}
-
-
 def stacked_cubes():
     """A cube of sand slides on a soft one, which lies on the floor: contact of bodies."""
 
@@ -118,7 +109,7 @@ def falling(scheme):
     return column(scheme, stages=[{"name": "fall", "type": "dynamics", "duration": 0.03}])
 
 
-SCENES = {scene.__name__: scene() for scene in (column, wet_column, patient_column, stacked_cubes, dozing)}
+SCENES = {scene.__name__: scene() for scene in (column, wet_column, stacked_cubes, dozing)}
 SCENES |= {f"scheme {number}": falling(scheme) for number, scheme in enumerate(OTHERS)}
 
 
