@@ -227,7 +227,7 @@ def advance(sand, small, lowest, tolerance, most, stress, strain_increment, stat
 
 @kernel
 def fill_moduli(sand, small, lowest, stress, state, bulk, shear):
-    """Fill bulk and shear modulus (n,) Pa of small strains: those of m_R L, with what the stress ratio adds."""
+    """Fill bulk and shear modulus (n,) Pa of small strains: a bound of m_R L, m_T L and what is between."""
     n = stress.shape[1]
     y = np.zeros(VOID + 1)
     for b in range(stress.shape[0]):
@@ -243,5 +243,6 @@ def fill_moduli(sand, small, lowest, stress, state, bulk, shear):
         square, shape = shape_factors(y)
         scale = small[1] * stiffness / square
         a2 = sand[7] * sand[7]
-        bulk[b] = scale * (shape * shape + a2 / 3.0) / 3.0
-        shear[b] = 0.5 * scale * (shape * shape + a2 * (square - 1.0 / 3.0))
+        size = math.sqrt(square)  # the intergranular strain may lie along the stress, and the next strain beside it
+        bulk[b] = scale * (shape * shape + a2 * size / math.sqrt(3.0)) / 3.0
+        shear[b] = 0.5 * scale * (shape * shape + a2 * size * math.sqrt(max(square - 1.0 / 3.0, 0.0)))
