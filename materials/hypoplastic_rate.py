@@ -13,6 +13,7 @@ from periporo.core.numerics.jit import inlined, kernel
 _NEAR = 0.02  # change of a base below which the series of its power is exact to 1e-11
 _SAFETY, _LEAST, _MOST = 0.9, 0.1, 4.0  # factors of the next substep
 _ROUNDING = 1e-12  # of a step
+_THIRD = 1.0 / math.sqrt(3.0)
 
 STRESS, INTERGRANULAR, VOID = 0, 6, 12
 """Places in the vector of unknowns: stress over 0, intergranular strain over R, void ratio."""
@@ -173,8 +174,9 @@ def _advance_row(y, strain, sand, small, lowest, tolerance, most, work):
             for c in range(6):
                 y[INTERGRANULAR + c] /= size
         if apart or -(y[0] + y[1] + y[2]) / 3.0 < lowest:
-            for c in range(6):
+            for c in range(6):  # grains that have come apart remember no reversal: closing is as if it had gone on
                 y[c] = -lowest if c < 3 else 0.0
+                y[INTERGRANULAR + c] = -_THIRD if c < 3 else 0.0
             return count, max((1.0 - done) * volumetric, 0.0), lost
         if done >= 1.0 - _ROUNDING or math.isnan(error):
             return count, 0.0, lost
@@ -225,7 +227,7 @@ def advance(sand, small, lowest, tolerance, most, stress, strain_increment, stat
 
 @kernel
 def fill_moduli(sand, small, lowest, stress, state, bulk, shear):
-    """Fill bulk and shear modulus (n,) Pa of small strains: those of m_R L, with what the stress ratio adds."""
+    """Fill bulk and shear modulus (n,) Pa of small strains: a bound of m_R L, m_T L and what is between."""
     n = stress.shape[1]
     y = np.zeros(VOID + 1)
     for b in range(stress.shape[0]):
@@ -241,5 +243,6 @@ def fill_moduli(sand, small, lowest, stress, state, bulk, shear):
         square, shape = shape_factors(y)
         scale = small[1] * stiffness / square
         a2 = sand[7] * sand[7]
-        bulk[b] = scale * (shape * shape + a2 / 3.0) / 3.0
-        shear[b] = 0.5 * scale * (shape * shape + a2 * (square - 1.0 / 3.0))
+        size = math.sqrt(square)  # the intergranular strain may lie along the stress, and the next strain beside it
+        bulk[b] = scale * (shape * shape + a2 * size / math.sqrt(3.0)) / 3.0
+        shear[b] = 0.5 * scale * (shape * shape + a2 * size * math.sqrt(max(square - 1.0 / 3.0, 0.0)))

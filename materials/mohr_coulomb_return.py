@@ -15,7 +15,7 @@ from periporo.core.numerics.algebra import LANES
 from periporo.core.numerics.jit import inlined, kernel
 from periporo.materials.principal import VALUES, put_together, take_apart
 
-_SMALL = 1e-7  # of the plastic shear strain of a step: what its strength may be off
+_SMALL = 2e-6  # of the plastic shear strain of a step: what its strength may be off
 _NOISE = 1e-15  # of the trial strain: the same
 _DECADE = math.log(10.0)
 
@@ -209,17 +209,11 @@ def _keep(tile, start, k, values, t, yields):
 def _return_tile(tile, n, table, cutoff, lame, shear):
     """New values z, high, low after the old ones of all lanes, and 1 where they are new, for a constant strength."""
     numbers = pyramid(table[1, 0], table[3, 0], table[2, 0], cutoff, lame, shear)
-    if cutoff == math.inf:
-        for k in range(LANES):
-            s1, s2, s3, values = _sorted(tile, 3 * n, k)
-            t1, t2, t3, excess = _on_pyramid(s1, s2, s3, numbers)
-            _keep(tile, 3 * n + 3, k, values, (t1, t2, t3), excess > 0.0)
-    else:
-        for k in range(LANES):
-            s1, s2, s3, values = _sorted(tile, 3 * n, k)
-            t1, t2, t3, excess = _on_pyramid(s1, s2, s3, numbers)
-            t = _cut_off(s1, s2, s3, t1, t2, t3, numbers)
-            _keep(tile, 3 * n + 3, k, values, t, (excess > 0.0) | (s1 > cutoff))
+    for k in range(LANES):
+        s1, s2, s3, values = _sorted(tile, 3 * n, k)
+        t1, t2, t3, excess = _on_pyramid(s1, s2, s3, numbers)
+        t = _cut_off(s1, s2, s3, t1, t2, t3, numbers)
+        _keep(tile, 3 * n + 3, k, values, t, (excess > 0.0) | (s1 > cutoff))
 
 
 @inlined
