@@ -130,7 +130,7 @@ class _Obstacle(ContactModel):
         return any(way is not None for way in ways)
 
 
-class _Solid(_Obstacle):
+class Solid(_Obstacle):
     """An obstacle with an inside, which may be free."""
 
     free: Free | None = key("a body that moves by itself", default=None)
@@ -150,7 +150,7 @@ class PlaneContact(_Obstacle):
         return self
 
 
-class BoxContact(_Solid):
+class BoxContact(Solid):
     """A rigid box; points stay outside."""
 
     type: Literal["box"] = key("kind of contact")
@@ -158,7 +158,7 @@ class BoxContact(_Solid):
     upper: Position = key("upper corner", "m", vector=True, place="point")
 
 
-class CylinderContact(_Solid):
+class CylinderContact(Solid):
     """A rigid circular cylinder along an axis (3D); points stay outside."""
 
     type: Literal["cylinder"] = key("kind of contact")
@@ -168,7 +168,7 @@ class CylinderContact(_Solid):
     height: Real = key("length along the axis", "m", gt=0, le=MAX_LENGTH)
 
 
-class DiscContact(_Solid):
+class DiscContact(Solid):
     """A rigid disc (2D); points stay outside."""
 
     type: Literal["disc"] = key("kind of contact")
@@ -176,7 +176,7 @@ class DiscContact(_Solid):
     radius: Real = key("radius", "m", gt=0, le=MAX_LENGTH)
 
 
-class SphereContact(_Solid):
+class SphereContact(Solid):
     """A rigid sphere (3D); points stay outside."""
 
     type: Literal["sphere"] = key("kind of contact")
@@ -184,7 +184,7 @@ class SphereContact(_Solid):
     radius: Real = key("radius", "m", gt=0, le=MAX_LENGTH)
 
 
-class _Pointed(_Solid):
+class _Pointed(Solid):
     """What stands on its tip, with a shaft above it."""
 
     tip: Position = key("its lowest point, the tip", "m", vector=True, place="point")

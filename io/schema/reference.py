@@ -6,6 +6,7 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
+from periporo.io.schema import obstacles
 from periporo.io.schema.fields import field_schema
 from periporo.io.schema.parameters import REQUIRED, Parameter, first_sentence, law_schema, parameters_of
 from periporo.io.schema.scene import scene_json_schema
@@ -25,6 +26,7 @@ _PAGES = {
     "bodies": ("bodies", ("bodies",)),
     "loads": ("initial stress, boundaries, pore water", ("initial_stress", "boundaries", "pore_water")),
     "contacts": ("contacts", ("contacts",)),
+    "solids": ("solid obstacles", ()),
     "stages": ("stages", ("stages",)),
     "materials": ("materials", ("materials",)),
 }
@@ -101,10 +103,17 @@ def _definitions() -> dict[str, list[str]]:
     found = {"MaterialInput"}
     for parameter in parameters_of(schema):
         fresh = [name for name in _order(parameter.refers, schema) if name not in found]
-        pages[page_of.get(parameter.name, "scene")] += fresh
+        pages[page_of.get(parameter.name, "scene")] += [name for name in fresh if not _is_solid(name)]
+        pages["solids"] += [name for name in fresh if _is_solid(name)]
         found |= set(fresh)
     pages["materials"].append("MaterialInput")
     return pages
+
+
+def _is_solid(name: str) -> bool:
+    """Whether a definition is that of a solid obstacle."""
+    kind = getattr(obstacles, name, None)
+    return isinstance(kind, type) and issubclass(kind, obstacles.Solid)
 
 
 def _text(names: list[str], page_of: dict[str, str] | None = None) -> str:
