@@ -48,7 +48,7 @@ class Faces:
         self.modulus = bulk + 4.0 / 3.0 * shear  # (materials,) Pa
         self._bulge = (bulk - 2.0 / 3.0 * shear) / self.modulus  # q (materials,)
         self.bulge = np.empty(0)  # q of the points
-        self._ids = None  # of the points that this and the rows are of
+        self._ids: np.ndarray | None = None  # of the points that this and the rows are of
         self._faced = np.empty(0, np.int64)
 
     def attach(self, p: Particles) -> None:
