@@ -40,10 +40,8 @@ def quarter_period(tops):
 def test_a_strip_with_tied_sides_swings_as_a_shear_column():
     tie = {"to": {"lower": [0.3, None]}, "components": ["x", "y"]}
     sim, tops = swinging({"sides": {"where": {"upper": [0.1, None]}, "tie": tie}})
-    expected = HEIGHT / np.sqrt(SHEAR / DENSITY)  # a quarter of 4 H / V_s
-    assert quarter_period(tops) == pytest.approx(expected, rel=0.02)
+    expected = (HEIGHT + 0.5 * SPACING) / np.sqrt(SHEAR / DENSITY)  # a quarter of 4 H / V_s, down to the points held
+    assert quarter_period(tops) == pytest.approx(expected, rel=0.01)
     entries = sim.ledger.entries()
     assert abs(entries["energy_residual"] - entries["integration_term"]) < 1e-12 * sim.ledger.initial_kinetic
     assert abs(entries["prescribed_work"]) < 1e-9 * sim.ledger.initial_kinetic
-    _, free = swinging({})
-    assert quarter_period(free) > 1.5 * expected  # it bends
