@@ -77,7 +77,8 @@ def own_rows(sim, held) -> Carried:
     if held.resting is None:
         return listed
     own, p = held.resting, sim.particles
-    mine = rows_of(p.id, own.ids[:, 0]) < p.owned
+    first = rows_of(p.id, own.ids[:, 0])
+    mine = (first >= 0) & (first < p.owned)
     return listed.together(Carried.of_active(own.ids[mine], own.stress[mine], own.state[mine]))
 
 
