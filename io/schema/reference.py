@@ -24,7 +24,8 @@ dictionary the same keys and values hold, and arrays are welcome. Laws of other 
 _PAGES = {
     "scene": ("the scene", ()),
     "bodies": ("bodies", ("bodies",)),
-    "loads": ("initial stress, boundaries, pore water", ("initial_stress", "boundaries", "pore_water")),
+    "loads": ("initial stress and boundaries", ("initial_stress", "boundaries")),
+    "water": ("pore water", ("pore_water",)),
     "contacts": ("contacts", ("contacts",)),
     "solids": ("solid obstacles", ()),
     "stages": ("stages", ("stages",)),
