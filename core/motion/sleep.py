@@ -22,8 +22,8 @@ from periporo.core.points.neighbours import near
 from periporo.core.points.particles import Field
 from periporo.core.ranks.reductions import exact_sum
 
-LOOK_INTERVAL = 10  # steps
-_REACH = 0.9  # horizons: the points within it are known on every rank, also when neighbours are to be found anew
+LOOK_INTERVAL = 5  # steps
+_REACH = 0.92  # horizons: the points within it are known on every rank, also when neighbours are to be found anew
 _LOUD = 2.0  # bounds, above which a point wakes others
 _FEW = 0.02  # of the points that are awake: for fewer it does not pay to find neighbours anew
 _KEPT = ("share", "flux", "link", "seen", "flow")  # what a sleeper's neighbours see of it
@@ -178,6 +178,6 @@ def _moved_by_others(sim) -> np.ndarray:
             motion.hold_zero(p, free)
         moved |= velocity.any(axis=1) | ~free.all(axis=1)
     for contact in sim.contacts:
-        if getattr(contact, "velocity", None) is not None:
+        if getattr(contact, "motion", None) is not None:
             moved[contact.within_reach(p)] = True
     return moved

@@ -27,7 +27,7 @@ def slab(end=(0.0, 0.0), **keys):
         "bodies": [part("slab", 0.0, 0.9 * LENGTH, (0.0, 0.0)), part("end", 0.9 * LENGTH, LENGTH, end)],
         "contacts": [{"type": "plane", "point": [0, 0], "normal": [0, 1], "friction": 0.4}],
         "stages": [{"name": "motion", "type": "dynamics", "duration": 0.1}],
-        "sleep": {"speed": BOUND, "steps": 20},
+        "sleep": {"speed": BOUND, "steps": 2 * LOOK_INTERVAL},
     }  # fmt: skip
     return Simulation.from_scene(scene | keys)
 
