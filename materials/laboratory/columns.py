@@ -55,7 +55,7 @@ def engineering(columns: Columns, porosity: float | None = None) -> Columns:
         "gamma": 2.0 * strain[:, 3],
         "p": p,
         "q": q,
-        "q_over_p": np.divide(q, p, out=np.full_like(q, np.nan), where=p != 0.0),
+        "q_over_p": np.divide(q, p, out=np.zeros_like(q), where=p != 0.0),  # 0 without stress
         "tau": stress[:, 3],
         "axial_stress": -stress[:, 1],
         "radial_stress": -lateral,

@@ -244,8 +244,7 @@ def test_a_law_that_fails_ends_the_path_with_status_3(tmp_path, capsys, monkeypa
     error = capsys.readouterr().err
     assert f"pull, row 3, time 3 s: {words}" in error and "ends before that row" in error
     rows = (tmp_path / "out" / "pull.csv").read_text().splitlines()
-    stress = [row.split(",")[7:13] for row in rows]  # the ratio q/p is not a number without stress
-    assert stress[0][0] == "stress_xx" and len(rows) == 4 and "nan" not in "".join(sum(stress, []))
+    assert len(rows) == 4 and "nan" not in "".join(rows)
     assert float(rows[-1].split(",")[1]) == 1.9e-3
     assert (tmp_path / "out" / "pull_stress_strain.png").exists()
 
@@ -433,7 +432,7 @@ def test_plots_of_a_law_with_pore_pressure_and_yield_surface(tmp_path):
 
     columns = drive(RememberedStress(), built_in_path("simple_shear", "rows=3"))
     names = [f.name for f in draw_plots(RememberedStress(), columns, tmp_path, "s")]
-    assert names == ["s_stress_strain.png", "s_stress_path.png", "s_volume.png", "s_shear.png", "s_pore_pressure.png"]
+    assert names == [f"s_{n}.png" for n in ("stress_strain", "stress_path", "volume", "shear", "pore_pressure")]
     columns = drive(CLAY, built_in_path("isotropic", "rows=3"))
     assert len(draw_plots(CLAY, columns, tmp_path, "c")) == 3
     assert all((tmp_path / name).stat().st_size > 5000 for name in names)
