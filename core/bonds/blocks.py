@@ -166,7 +166,7 @@ class Carried:
 
     def between_sleepers(self, p: Particles) -> "Carried | None":
         """The active rows of which both ends sleep, and one is owned; None if there are none."""
-        if p.awake == p.total:
+        if "asleep" not in p.fields or p.awake == p.total:
             return None
         ids, stress, state = self._active()
         ends = rows_of(p.id, ids.ravel()).reshape(-1, 2)
