@@ -112,8 +112,8 @@ def obstacle_of_a_later_stage():
              "stages": ["press"]}  # fmt: skip
     stages = [{"name": name, "type": "dynamics", "duration": 0.01} for name in ("wait", "press")]
     sim = ran(scene([box([-0.05, 0.0], [0.05, 0.1])], contacts=[FLOOR, plate], stages=stages))
-    contact = next(c for c in sim.contacts if getattr(c, "velocity", None) is not None)
-    moved = float(contact._shift(sim.particles, sim.time)[1])
+    contact = next(c for c in sim.contacts if c.motion is not None)
+    moved = float(contact.pose.shift[1])
     return f"{moved:.5f} m", abs(moved + 0.01) < 1e-3 * 0.01 + sim.dt
 
 

@@ -69,7 +69,7 @@ class Meter:
         meter = self
 
         def add_force(contact, p, time, dt):
-            if contact.velocity is None:
+            if contact.motion is None:
                 meter._plain(contact, p, time, dt)
                 return
             still = time == contact._time
@@ -77,8 +77,9 @@ class Meter:
             meter._plain(contact, p, time, dt)
             now = [channel[: p.owned].sum(axis=0) for channel in (p.contact_force, p.friction_force)]
             force = np.array([after - before for after, before in zip(now, sums, strict=True)])
-            if not still:
-                meter.work += 0.5 * dt * (meter._before.get(contact.name, 0.0 * force) + force) @ contact.velocity
+            if not still and contact.pose_before is not None:
+                way = contact.pose.shift - contact.pose_before.shift
+                meter.work += 0.5 * (meter._before.get(contact.name, 0.0 * force) + force) @ way
             meter._before[contact.name] = force
 
         RigidContact.add_force = add_force
@@ -135,7 +136,7 @@ class Watch:
         x, body = sim.particles.position[: sim.particles.owned], sim.particles.body[: sim.particles.owned]
         for contact in sim.contacts:
             if isinstance(contact, RigidContact):
-                gap, _ = contact.surface.gap(x - contact._shift(sim.particles, sim.time))
+                gap, _ = contact.gap(x)
                 deepest = max(deepest, float(-gap.min()) / SPACING)
         touching = any(c["type"] == "bodies" and "stages" not in c for c in scene["contacts"])
         return np.inf if touching and _inside_another(x, body) else deepest

@@ -120,7 +120,7 @@ def construction():
         "stages": [{"name": "dig", "type": "relax", "tolerance": 0.02, "boundaries": held,
                     "remove": [{"lower": [4, 1]}]},
                    {"name": "fill", "type": "relax", "tolerance": 0.02, "boundaries": held, "place": ["fill"]},
-                   {"name": "shake", "type": "dynamics", "duration": 0.3, "boundaries": ["rock"]},
+                   {"name": "shake", "type": "dynamics", "duration": 0.3, "boundaries": ["rock", "left"]},
                    {"name": "safety", "type": "strength_reduction", "trial": 0.5, "damping": {"viscous": 20.0},
                     "accuracy": 0.2, "boundaries": held}],
         "output": {"interval": 0.1},

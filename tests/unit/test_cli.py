@@ -409,7 +409,7 @@ def test_a_scene_as_pyyaml_reads_it_runs(scene, tmp_path):
 
 
 def test_a_law_of_another_package_is_not_taken_for_a_misspelt_one(call, scene):
-    soil = SOIL | {"model": "hypoplastic"}
+    soil = SOIL | {"model": "barodesy"}
     _, _, error = call("check", scene(materials={"soil": soil}))
     assert "no material model of this name is installed" in error and "did you mean" not in error
 

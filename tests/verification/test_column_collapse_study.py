@@ -49,7 +49,8 @@ def test_a_spacing_replaces_that_of_all_cases():
 def test_a_variant_changes_one_thing():
     conical = next(c for c in STUDY.cases if c.variant == "conical")
     plain, changed = STUDY.scene(replace(conical, variant=None)), STUDY.scene(conical)
-    assert changed.pop("influence") == "conical" and changed.pop("title") != plain.pop("title")
+    assert (plain.pop("influence"), changed.pop("influence")) == ("cubic", "conical")
+    assert changed.pop("title") != plain.pop("title")
     assert changed == plain
 
 
@@ -63,13 +64,13 @@ def test_a_column_comes_to_rest_with_its_energy_accounted_for(finished):
 
 
 def test_a_finished_case_is_skipped_and_a_changed_one_starts_anew(finished):
-    case, folder = finished
+    (case, folder), study = finished, cases.Study(FILE, 0.01)
     before = (folder / cases.RESULT).stat().st_mtime_ns
     assert runs.is_finished(folder / cases.RESULT)
-    assert cases.run(STUDY, case, folder) == 0
+    assert cases.run(study, case, folder) == 0
     assert (folder / cases.RESULT).stat().st_mtime_ns == before
     (folder / cases.SCENE).write_text("title: something else\n")
-    assert cases.run(STUDY, case, folder) == 0
+    assert cases.run(study, case, folder) == 0
     assert (folder / cases.RESULT).stat().st_mtime_ns > before
 
 

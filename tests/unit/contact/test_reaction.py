@@ -61,7 +61,8 @@ def test_impulses_are_what_the_soil_has_gained_and_work_is_booked():
     dt, last = seen[-1]
     assert last["paddle_power"] == pytest.approx(-last["paddle_torque"] * last["paddle_spin"], rel=1e-9)
     assert last["paddle_spin"] == pytest.approx(np.radians(100.0), rel=0.02)
-    assert max(h["wall_peak_force"] for _, h in seen) >= np.hypot(last["wall_force_x"], last["wall_force_y"])
+    force = np.hypot(last["wall_force_x"], last["wall_force_y"])
+    assert max(h["wall_peak_force"] for _, h in seen) >= (1.0 - 1e-12) * force
 
 
 def test_torque_of_a_weight_and_forces_of_boundaries():
