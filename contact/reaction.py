@@ -99,8 +99,9 @@ class Reaction:
         values: list[float] = [*total, self.power, float(self.work.sum()), *self.impulse.tolist(), peak]
         if self.motion is not None:
             values += [*self._shift.tolist(), *self._step.tolist()]
-        if hasattr(self.motion, "kinetic"):
-            values.append(self.motion.kinetic())
+        kinetic = getattr(self.motion, "kinetic", None)
+        if kinetic is not None:
+            values.append(kinetic())
         return dict(zip(self.units, values, strict=True))
 
     def memory(self) -> dict:

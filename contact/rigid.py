@@ -158,7 +158,9 @@ class RigidContact:
         if len(rows):
             x = p.position[rows]
             gap, normal = self._gap(x, self.pose)
-            obstacle = np.zeros_like(x) if before is None else velocity_between(before, self.pose, dt, x)
+            obstacle = np.zeros_like(x)
+            if before is not None and self.pose is not None:
+                obstacle = velocity_between(before, self.pose, dt, x)
             _contact_force(
                 rows, gap, np.ascontiguousarray(normal), p.velocity, p.gradient, p.share, obstacle, p.mass, dt,
                 self.reach, self.stiffness, self.friction, self.damping, getattr(p, self.spring),

@@ -171,10 +171,10 @@ def _name_problems(scene: SceneInput) -> Iterator[Problem]:
                 )
     told = list(scene.boundaries)
     for k, contact in enumerate(scene.contacts):
-        name = getattr(contact, "name", None)
-        if name in told:
-            yield Problem(("contacts", k, "name"), f"the name '{name}' stands for another obstacle, or a boundary")
-        told += [name] if name is not None else []
+        own = getattr(contact, "name", None)
+        if own in told:
+            yield Problem(("contacts", k, "name"), f"the name '{own}' stands for another obstacle, or a boundary")
+        told += [own] if own is not None else []
     placed: set[str] = set()
     for k, stage in enumerate(scene.stages):
         for n, name in enumerate(stage.place):

@@ -133,7 +133,7 @@ def _resolved(schema: dict[str, Any], node: Any, value: Any) -> dict[str, Any]:
         if tag not in list(mapping):
             return outer | {"tags": list(mapping)}
         return _resolved(schema, {"$ref": mapping[tag]}, value) | outer
-    for member in node.get("anyOf", node.get("oneOf", [])):
+    for member in node.get("anyOf") or node.get("oneOf") or []:
         inner = _resolved(schema, member, value)
         fits = ("object",) if isinstance(value, dict) else ("array",) if isinstance(value, list) else _SCALARS
         if inner.get("type") in fits or "tags" in inner:
