@@ -136,7 +136,7 @@ def soil_that_stiffens():
     column["initial_stress"] = {"type": "geostatic", "K0": 0.5}
     sim = ran(column)
     contact = next(c for c in sim.contacts if hasattr(c, "overlaps"))
-    deepest = float(contact.overlaps(sim.particles, sim.time).max()) / 0.5
+    deepest = float(contact.overlaps(sim.particles).max()) / 0.5
     return f"{deepest:.1e} spacings", 0.0 <= deepest < 0.1
 
 

@@ -10,7 +10,8 @@ with d the lever of the face, the distance g of the point from the surface; beyo
 spacing. The overlap h = l - g has the rate of the face's approach, so that the normal force k h has the potential
 k h^2 / 2 and a closed path gains no energy. A cell that is off the surface by more than a tenth of a spacing has its
 first reach again. Soil that flows changes its neighbours and not its spacing: where a scheme rearranges its points,
-`guide` moves point and cell together, without a change of force.
+`guide` moves point and cell together, without a change of force. A step that begins or ends off the surface does the
+work of the potential all the same (`periporo.contact.entry`).
 
 The tangential force is a spring on the face from where it began to stick; where it would exceed friction times the
 normal force, the spring is cut to that and the face slides (Cundall & Strack 1979). The channel `contact` holds the
@@ -20,6 +21,7 @@ mass than its point, and its damping would need shorter steps.
 
 import numpy as np
 
+from periporo.contact.entry import elastic_force
 from periporo.contact.motion import Motion, Pose, velocity_between
 from periporo.contact.reaction import Feelers, Reaction
 from periporo.contact.search import Search
@@ -78,10 +80,11 @@ class RigidContact:
     def attach(self, p: Particles, forces: ForceChannels) -> None:
         """Declare the stick springs (elongation, m), the cells, and the force channels.
 
-        Of a cell, its first reach and the present one are kept, both beyond half a spacing (m).
+        Of a cell, its first reach and the present one are kept, both beyond half a spacing (m), and how fast its point
+        would leave the surface by the push of the last step alone (m/s).
         """
         p.add_field(Field(self.spring, p.dimension, "m", sent=False))
-        p.add_field(Field(self.cell, 2, "m", sent=False))
+        p.add_field(Field(self.cell, 3, "", sent=False))
         forces.need("contact", on_faces=True)
         forces.need("friction", on_faces=True)
 
@@ -89,7 +92,7 @@ class RigidContact:
         """Have cells that miss the surface by at most `slack` (owned,) m, or overlap so far, reach just to it."""
         gap, _ = self.surface.gap(p.position[: p.owned])
         missed = gap - self.reach
-        getattr(p, self.cell)[:] = np.where(np.abs(missed) <= slack, missed, 0.0)[:, None]
+        getattr(p, self.cell)[:, :2] = np.where(np.abs(missed) <= slack, missed, 0.0)[:, None]
 
     def appear(self, p: Particles, time: float, before: list | None) -> None:
         """Begin to act, where its entry says, after the contacts `before`, which end; None at the start of a run.
@@ -118,7 +121,7 @@ class RigidContact:
     def _press_from_here(self, p, rows, borne):
         """Have cells that overlap by more than `borne` m reach just so far; a point behind the surface is a breach."""
         gap, _ = self._gap(p.position[rows], self.pose)
-        getattr(p, self.cell)[rows] = np.minimum(gap - self.reach + borne, 0.0)[:, None]
+        getattr(p, self.cell)[rows, :2] = np.minimum(gap - self.reach + borne, 0.0)[:, None]
         self._note_breach(p.position[rows], gap + borne, 0.0)
 
     def follow(self, p: Particles, modulus: float) -> None:
@@ -134,7 +137,7 @@ class RigidContact:
         stored = 0.5 * self.stiffness * pressed**2
         p.work[:, CONTACT] += (1.0 - softer) * stored
         p.work[:, FRICTION] -= (1.0 - softer) * stored
-        cell -= ((1.0 - softer) * pressed)[:, None]
+        cell[:, :2] -= ((1.0 - softer) * pressed)[:, None]
         spring *= softer
         self.stiffness, self.modulus = self.stiffness / softer, modulus
 
@@ -234,7 +237,7 @@ class RigidContact:
         rows = rows[part[rows] > 0.0]
         gap, normal = self._gap(p.position[rows], self.pose)
         cell = getattr(p, self.cell)
-        held = gap - self.reach < cell[rows].max(axis=1, initial=-np.inf)
+        held = gap - self.reach < cell[rows, :2].max(axis=1, initial=-np.inf)
         rows, gap, normal = rows[held], gap[held], normal[held]
         along = (way[rows] * normal).sum(axis=1)
         missing = np.maximum(room[rows] - gap, 0.0)
@@ -292,7 +295,7 @@ class RigidContact:
         x = p.reference_position[rows]
         gap, _ = self._gap(x, pose)
         near = ~(gap >= _SOON * self.reach + self.skin)  # NaN is near
-        near |= getattr(p, self.spring)[rows].any(axis=1) | getattr(p, self.cell)[rows].any(axis=1)
+        near |= getattr(p, self.spring)[rows].any(axis=1) | getattr(p, self.cell)[rows, :2].any(axis=1)
         rows, gap, x = rows[near], gap[near], x[near]
         radius = 0.0 if pose is None else _largest_length(p.reference_position[: p.owned] - pose.reference)
         self._chosen = p.id, pose, radius, rows
@@ -355,8 +358,11 @@ def _contact_force(
     lever, face, load = np.zeros(d), np.zeros(d), np.zeros(d)
     for k in range(rows.shape[0]):
         i = rows[k]
-        off = gap[k] - reach - max(cell[i, 0], cell[i, 1])
-        if off >= 0.0:
+        off, own, approach = gap[k] - reach - max(cell[i, 0], cell[i, 1]), 0.0, 0.0
+        for a in range(d):
+            own += (velocity[i, a] - obstacle[k, a]) * normal[k, a]
+        gained, cell[i, 2] = dt * (cell[i, 2] - own), own  # way towards the surface, of all but this contact
+        if off >= max(dt * own, 0.0):  # neither now nor at the start of the step
             if off > _OFF * reach:
                 cell[i, 0] = cell[i, 1] = 0.0
             for a in range(d):
@@ -364,19 +370,24 @@ def _contact_force(
             continue
         _set_lever(gap, normal, k, reach, share[i, 1], lever)
         face_velocity(velocity, gradient, i, lever, face)
-        approach, own = 0.0, 0.0
         for a in range(d):
             face[a] -= obstacle[k, a]
             approach += face[a] * normal[k, a]
-            own += (velocity[i, a] - obstacle[k, a]) * normal[k, a]
         cell[i, 1] += dt * (own - approach)
         overlap = reach + cell[i, 1] - gap[k]
+        way = -dt * approach
+        gained = min(max(gained, -abs(way)), abs(way))
+        elastic = elastic_force(stiffness, overlap, way, dt * dt / mass[i], gained)
+        for a in range(d):
+            load[a] = elastic * normal[k, a]
+        if elastic != 0.0:
+            add_face_force(contact, contact_moment, i, load, lever)
+            cell[i, 2] += dt * elastic / mass[i]
         if overlap <= 0.0:
             for a in range(d):
                 spring[i, a] = 0.0
             continue
         viscous = 2.0 * damping * np.sqrt(stiffness * mass[i])
-        elastic = stiffness * overlap
         pressure = elastic - viscous * own
         if pressure < 0.0:
             pressure = 0.0
@@ -393,9 +404,6 @@ def _contact_force(
         scale = limit / size if size > limit else 1.0
         for a in range(d):
             spring[i, a] *= scale
-            load[a] = elastic * normal[k, a]
-        add_face_force(contact, contact_moment, i, load, lever)
-        for a in range(d):
             shear[i, a] += (pressure - elastic) * normal[k, a]
             load[a] = -stiffness * spring[i, a]
         add_face_force(shear, shear_moment, i, load, lever)
