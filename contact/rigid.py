@@ -21,23 +21,19 @@ mass than its point, and its damping would need shorter steps.
 
 import numpy as np
 
-from periporo.contact.entry import elastic_force
 from periporo.contact.motion import Motion, Pose, velocity_between
+from periporo.contact.penalty import add_contact_force, resist_faces
 from periporo.contact.reaction import Feelers, Reaction
 from periporo.contact.search import Search
 from periporo.contact.surfaces import Surface
-from periporo.core.numerics.jit import inlined, kernel
 from periporo.core.numerics.tensors import square_lengths
-from periporo.core.points.faces import add_face_force, face_velocity
 from periporo.core.points.forces import CONTACT, FRICTION, ForceChannels
 from periporo.core.points.particles import Field, Particles
 
 _LOOKS = 100  # along the way of an obstacle
 _HASTE = 1.5  # times the present speed, which points may reach before they are looked at again
 _SOON = 1.5  # reaches within which a point counts as one that may touch soon
-_OFF = 0.2  # reaches
 _HELD = 4.0  # reaches, beyond which no point holds a spring, or a memory of being squeezed
-_WHOLE = 1.4  # reaches up to which the lever is the distance from the surface; it is 0 at 2
 FAR = 8.0
 """Reaches within which a surface must know how far a point is: what fast points cover before they are looked at again.
 """
@@ -164,7 +160,7 @@ class RigidContact:
             obstacle = np.zeros_like(x)
             if before is not None and self.pose is not None:
                 obstacle = velocity_between(before, self.pose, dt, x)
-            _contact_force(
+            add_contact_force(
                 rows, gap, np.ascontiguousarray(normal), p.velocity, p.gradient, p.share, obstacle, p.mass, dt,
                 self.reach, self.stiffness, self.friction, self.damping, getattr(p, self.spring),
                 getattr(p, self.cell), p.contact_force, p.contact_moment, p.friction_force, p.friction_moment, p.dim,
@@ -207,7 +203,7 @@ class RigidContact:
     ) -> None:
         """Add what holds those points, at most, against a motion with `velocity` for `dt`: forces on their faces."""
         rows, gap, normal = self._held(p, time, ahead)
-        _resist(
+        resist_faces(
             rows, gap, normal, p.velocity, p.gradient, p.share, self.reach, dt * self.stiffness, self.friction > 0.0,
             force, moment, p.dim,
         )  # fmt: skip
@@ -322,88 +318,3 @@ class RigidContact:
 def _largest_length(vectors):
     """Largest length of vectors (n, d)."""
     return float(np.sqrt(np.nanmax(square_lengths(vectors), initial=0.0)))
-
-
-@inlined
-def _set_lever(gap, normal, k, reach, integrity, lever):
-    """Fill `lever` (d,) m with the way from a point to its face."""
-    whole = (2.0 - gap[k] / reach) / (2.0 - _WHOLE)
-    length = integrity * max(gap[k], 0.0) * min(max(whole, 0.0), 1.0)
-    for a in range(lever.shape[0]):
-        lever[a] = -length * normal[k, a]
-
-
-@kernel
-def _resist(rows, gap, normal, velocity, gradient, share, reach, stiffness, sticks, force, moment, dim):
-    d = len(dim)
-    lever, face, load = np.zeros(d), np.zeros(d), np.zeros(d)
-    for k in range(rows.shape[0]):
-        i = rows[k]
-        _set_lever(gap, normal, k, reach, share[i, 1], lever)
-        face_velocity(velocity, gradient, i, lever, face)
-        approach = 0.0
-        for a in range(d):
-            approach += face[a] * normal[k, a]
-        for a in range(d):
-            load[a] = -stiffness * (face[a] if sticks else approach * normal[k, a])
-        add_face_force(force, moment, i, load, lever)
-
-
-@kernel
-def _contact_force(
-    rows, gap, normal, velocity, gradient, share, obstacle, mass, dt, reach, stiffness, friction, damping, spring,
-    cell, contact, contact_moment, shear, shear_moment, dim,
-):  # fmt: skip
-    d = len(dim)
-    lever, face, load = np.zeros(d), np.zeros(d), np.zeros(d)
-    for k in range(rows.shape[0]):
-        i = rows[k]
-        off, own, approach = gap[k] - reach - max(cell[i, 0], cell[i, 1]), 0.0, 0.0
-        for a in range(d):
-            own += (velocity[i, a] - obstacle[k, a]) * normal[k, a]
-        gained, cell[i, 2] = dt * (cell[i, 2] - own), own  # way towards the surface, of all but this contact
-        if off >= max(dt * own, 0.0):  # neither now nor at the start of the step
-            if off > _OFF * reach:
-                cell[i, 0] = cell[i, 1] = 0.0
-            for a in range(d):
-                spring[i, a] = 0.0
-            continue
-        _set_lever(gap, normal, k, reach, share[i, 1], lever)
-        face_velocity(velocity, gradient, i, lever, face)
-        for a in range(d):
-            face[a] -= obstacle[k, a]
-            approach += face[a] * normal[k, a]
-        cell[i, 1] += dt * (own - approach)
-        overlap = reach + cell[i, 1] - gap[k]
-        way = -dt * approach
-        gained = min(max(gained, -abs(way)), abs(way))
-        elastic = elastic_force(stiffness, overlap, way, dt * dt / mass[i], gained)
-        for a in range(d):
-            load[a] = elastic * normal[k, a]
-        if elastic != 0.0:
-            add_face_force(contact, contact_moment, i, load, lever)
-            cell[i, 2] += dt * elastic / mass[i]
-        if overlap <= 0.0:
-            for a in range(d):
-                spring[i, a] = 0.0
-            continue
-        viscous = 2.0 * damping * np.sqrt(stiffness * mass[i])
-        pressure = elastic - viscous * own
-        if pressure < 0.0:
-            pressure = 0.0
-        size = 0.0
-        along = 0.0
-        for a in range(d):
-            spring[i, a] += dt * (face[a] - approach * normal[k, a])
-            along += spring[i, a] * normal[k, a]
-        for a in range(d):
-            spring[i, a] -= along * normal[k, a]  # the surface may have turned under the face
-            size += spring[i, a] ** 2
-        size = np.sqrt(size)
-        limit = friction * pressure / stiffness
-        scale = limit / size if size > limit else 1.0
-        for a in range(d):
-            spring[i, a] *= scale
-            shear[i, a] += (pressure - elastic) * normal[k, a]
-            load[a] = -stiffness * spring[i, a]
-        add_face_force(shear, shear_moment, i, load, lever)

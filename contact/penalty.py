@@ -1,0 +1,100 @@
+"""Forces of a penalty contact on the faces of cells: see `periporo.contact.rigid`. For all points near an obstacle."""
+
+import numpy as np
+
+from periporo.contact.entry import elastic_force
+from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.points.faces import add_face_force, face_velocity
+
+_OFF = 0.2  # reaches off the surface, at which a cell has its first reach again
+_WHOLE = 1.4  # reaches up to which the lever is the distance from the surface; it is 0 at 2
+
+
+@inlined
+def _set_lever(gap, normal, k, reach, integrity, lever):
+    """Fill `lever` (d,) m with the way from a point to its face."""
+    whole = (2.0 - gap[k] / reach) / (2.0 - _WHOLE)
+    length = integrity * max(gap[k], 0.0) * min(max(whole, 0.0), 1.0)
+    for a in range(lever.shape[0]):
+        lever[a] = -length * normal[k, a]
+
+
+@kernel
+def resist_faces(rows, gap, normal, velocity, gradient, share, reach, stiffness, sticks, force, moment, dim):
+    """Add to forces and moments what linear springs on the faces hold, along the surface too if it `sticks`."""
+    d = len(dim)
+    lever, face, load = np.zeros(d), np.zeros(d), np.zeros(d)
+    for k in range(rows.shape[0]):
+        i = rows[k]
+        _set_lever(gap, normal, k, reach, share[i, 1], lever)
+        face_velocity(velocity, gradient, i, lever, face)
+        approach = 0.0
+        for a in range(d):
+            approach += face[a] * normal[k, a]
+        for a in range(d):
+            load[a] = -stiffness * (face[a] if sticks else approach * normal[k, a])
+        add_face_force(force, moment, i, load, lever)
+
+
+@kernel
+def add_contact_force(
+    rows, gap, normal, velocity, gradient, share, obstacle, mass, dt, reach, stiffness, friction, damping, spring,
+    cell, contact, contact_moment, shear, shear_moment, dim,
+):  # fmt: skip
+    """Add the force of an obstacle on the points in `rows`, whose gaps and normals (rows, d) are given.
+
+    Moves cells and stick springs; velocities are those of the middle of a step of `dt` s. `obstacle` (rows, d) m/s.
+    """
+    d = len(dim)
+    lever, face, load = np.zeros(d), np.zeros(d), np.zeros(d)
+    for k in range(rows.shape[0]):
+        i = rows[k]
+        off, own, approach = gap[k] - reach - max(cell[i, 0], cell[i, 1]), 0.0, 0.0
+        for a in range(d):
+            own += (velocity[i, a] - obstacle[k, a]) * normal[k, a]
+        gained, cell[i, 2] = dt * (cell[i, 2] - own), own  # way towards the surface, of all but this contact
+        if off >= max(dt * own, 0.0):  # neither now nor at the start of the step
+            if off > _OFF * reach:
+                cell[i, 0] = cell[i, 1] = 0.0
+            for a in range(d):
+                spring[i, a] = 0.0
+            continue
+        _set_lever(gap, normal, k, reach, share[i, 1], lever)
+        face_velocity(velocity, gradient, i, lever, face)
+        for a in range(d):
+            face[a] -= obstacle[k, a]
+            approach += face[a] * normal[k, a]
+        cell[i, 1] += dt * (own - approach)
+        overlap = reach + cell[i, 1] - gap[k]
+        way = -dt * approach
+        gained = min(max(gained, -abs(way)), abs(way))
+        elastic = elastic_force(stiffness, overlap, way, dt * dt / mass[i], gained)
+        for a in range(d):
+            load[a] = elastic * normal[k, a]
+        if elastic != 0.0:
+            add_face_force(contact, contact_moment, i, load, lever)
+            cell[i, 2] += dt * elastic / mass[i]
+        if overlap <= 0.0:
+            for a in range(d):
+                spring[i, a] = 0.0
+            continue
+        viscous = 2.0 * damping * np.sqrt(stiffness * mass[i])
+        pressure = elastic - viscous * own
+        if pressure < 0.0:
+            pressure = 0.0
+        size = 0.0
+        along = 0.0
+        for a in range(d):
+            spring[i, a] += dt * (face[a] - approach * normal[k, a])
+            along += spring[i, a] * normal[k, a]
+        for a in range(d):
+            spring[i, a] -= along * normal[k, a]  # the surface may have turned under the face
+            size += spring[i, a] ** 2
+        size = np.sqrt(size)
+        limit = friction * pressure / stiffness
+        scale = limit / size if size > limit else 1.0
+        for a in range(d):
+            spring[i, a] *= scale
+            shear[i, a] += (pressure - elastic) * normal[k, a]
+            load[a] = -stiffness * spring[i, a]
+        add_face_force(shear, shear_moment, i, load, lever)
