@@ -35,6 +35,7 @@ HEAD = """# Gallery
 Every scene that comes with the program: `periporo new` lists them, and with a name writes one to start from. The
 pictures are those that `periporo plot` makes: the points of the soil by their shear strain, over the outline that they
 had at first. All of this page is made by `python -m benchmarks gallery`; times are of one core, with kernels compiled.
+Any of them by hand: `periporo new slope`, `periporo slope.yaml`, `periporo plot slope.vtkhdf --animate`.
 
 """
 
@@ -129,8 +130,7 @@ def section(scene: Path, row: dict) -> list[str]:
         f"| ![in motion]({file}_still.png) | ![end]({file}.png) |", "",
         f"{row['points']} points, {row['steps']} steps in {duration(float(row['processor_s']))} on one core. The "
         f"fastest point reaches {row['fastest_m_per_s']} m/s,",
-        f"and energy is accounted for to {row['energy_unexplained']} of the largest term of its ledger.", "",
-        f"`periporo new {name}`, `periporo {name}.yaml`,", f"`periporo plot {name}.vtkhdf --animate`",
+        f"and energy is accounted for to {row['energy_unexplained']} of the largest term of its ledger.",
     ]  # fmt: skip
 
 

@@ -6,6 +6,8 @@ from periporo.contact.entry import elastic_force
 from periporo.core.numerics.jit import inlined, kernel
 from periporo.core.points.faces import add_face_force, face_velocity
 
+SOON = 1.5
+"""Reaches within which a point counts as one that may touch soon."""
 _OFF = 0.2  # reaches off the surface, at which a cell has its first reach again
 _WHOLE = 1.4  # reaches up to which the lever is the distance from the surface; it is 0 at 2
 
@@ -52,7 +54,8 @@ def add_contact_force(
         off, own, approach = gap[k] - reach - max(cell[i, 0], cell[i, 1]), 0.0, 0.0
         for a in range(d):
             own += (velocity[i, a] - obstacle[k, a]) * normal[k, a]
-        gained, cell[i, 2] = dt * (cell[i, 2] - own), own  # way towards the surface, of all but this contact
+        gained = dt * (cell[i, 2] - own) if cell[i, 2] != 0.0 else 0.0  # way to the surface of all but this contact
+        cell[i, 2] = own if gap[k] < SOON * reach else 0.0
         if off >= max(dt * own, 0.0):  # neither now nor at the start of the step
             if off > _OFF * reach:
                 cell[i, 0] = cell[i, 1] = 0.0

@@ -22,7 +22,7 @@ mass than its point, and its damping would need shorter steps.
 import numpy as np
 
 from periporo.contact.motion import Motion, Pose, velocity_between
-from periporo.contact.penalty import add_contact_force, resist_faces
+from periporo.contact.penalty import SOON, add_contact_force, resist_faces
 from periporo.contact.reaction import Feelers, Reaction
 from periporo.contact.search import Search
 from periporo.contact.surfaces import Surface
@@ -32,7 +32,6 @@ from periporo.core.points.particles import Field, Particles
 
 _LOOKS = 100  # along the way of an obstacle
 _HASTE = 1.5  # times the present speed, which points may reach before they are looked at again
-_SOON = 1.5  # reaches within which a point counts as one that may touch soon
 _HELD = 4.0  # reaches, beyond which no point holds a spring, or a memory of being squeezed
 FAR = 8.0
 """Reaches within which a surface must know how far a point is: what fast points cover before they are looked at again.
@@ -213,7 +212,7 @@ class RigidContact:
         pose, x, velocity = self._pose_at(time), p.position[: p.owned], p.velocity[: p.owned]
         if pose is not None and self.motion is not None:
             velocity = velocity - velocity_between(pose, self.motion.pose(time + ahead), ahead, x)
-        margin, way = (_SOON - 1.0) * self.reach, _HASTE * ahead * _largest_length(velocity)
+        margin, way = (SOON - 1.0) * self.reach, _HASTE * ahead * _largest_length(velocity)
         rows = self._candidates(p, pose, way) if way > margin else self._near(p, pose)
         gap, normal = self._gap(x[rows], pose)
         approach = -(velocity[rows] * normal).sum(axis=1)
@@ -290,7 +289,7 @@ class RigidContact:
         rows = self._candidates(p, pose, 0.0)
         x = p.reference_position[rows]
         gap, _ = self._gap(x, pose)
-        near = ~(gap >= _SOON * self.reach + self.skin)  # NaN is near
+        near = ~(gap >= SOON * self.reach + self.skin)  # NaN is near
         near |= getattr(p, self.spring)[rows].any(axis=1) | getattr(p, self.cell)[rows, :2].any(axis=1)
         rows, gap, x = rows[near], gap[near], x[near]
         radius = 0.0 if pose is None else _largest_length(p.reference_position[: p.owned] - pose.reference)

@@ -16,4 +16,5 @@ html_css_files = ["wide.css"]
 html_title = f"periporo {release}"
 html_show_copyright = False
 myst_enable_extensions = ["dollarmath"]  # equations; the reader's browser loads MathJax
+suppress_warnings = ["misc.highlighting_failure"]  # of blocks of CSV, which stay plain
 myst_heading_anchors = 4  # headings can be linked to
