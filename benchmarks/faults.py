@@ -7,6 +7,7 @@ A energy from nothing or a wrong motion, B valid runs that stopped, C laws and `
 operations. `--write` keeps the table in docs/reference/verification/faults.md. Exit status 1 if a row is missed.
 """
 
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -52,8 +53,8 @@ def tested(tests: tuple[str, ...]) -> tuple[str, bool]:
     """How many of these tests pass: a file, or a file and a part of their names."""
     ends = [subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *_words(test)], cwd=ROOT,
                            capture_output=True, text=True) for test in tests]  # fmt: skip
-    told = [end.stdout.strip().splitlines()[-1].partition(" in ")[0] for end in ends]
-    return "; ".join(told), all(end.returncode == 0 and " passed" in text for end, text in zip(ends, told, strict=True))
+    passed = [int((re.findall(r"(\d+) passed", end.stdout) or [0])[-1]) for end in ends]
+    return f"{sum(passed)} tests", all(end.returncode == 0 and n for end, n in zip(ends, passed, strict=True))
 
 
 def _words(test):
