@@ -8,11 +8,7 @@ sends, so ranks may share cores. Reductions over all ranks are the library's own
 """
 
 import json
-import os
-import subprocess
-import sys
 import time
-from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
@@ -21,10 +17,10 @@ from periporo.core.points.particles import Particles
 from periporo.core.ranks.domain import bisect
 from periporo.core.ranks.halo import Halo
 
-from . import ROOT, option_parser
+from . import option_parser
+from .library.ranks import start
 
 SIDE, REACH = 6, 2.4  # points along the edge of a rank's part; spacings
-PATIENT = {"MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT": "64"}
 
 
 class Counting(MPI.Intracomm):
@@ -120,13 +116,9 @@ def main(words):
         return
     parser = option_parser(__name__, __doc__)
     parser.add_argument("--ranks", type=int, nargs="+", default=[4, 16, 64], help="squares of whole numbers")
-    mpirun = Path(sys.executable).with_name("mpirun")
     for ranks in parser.parse_args(words).ranks:
         began = time.perf_counter()
-        command = [str(mpirun), "-n", str(ranks), sys.executable, "-m", "benchmarks", "many_ranks", "count"]
-        environment = os.environ | PATIENT
-        run = subprocess.run(command, check=True, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True)
-        found = json.loads(run.stdout)
+        found = json.loads(start(ranks, "many_ranks", "count"))
         took = time.perf_counter() - began
         print(f"\n{ranks} ranks: {found.pop('neighbours')} neighbours at most, the longest list of the division has "
               f"{found.pop('longest')} entries; {took:.0f} s, {found.pop('seconds'):.1f} s after the start\n")

@@ -19,7 +19,6 @@ run again.
 """
 
 import contextlib
-import csv
 import io
 import json
 import os
@@ -46,6 +45,7 @@ from periporo.errors import ContactError, InputError
 
 from . import FIGURES, ROOT, option_parser
 from .library.random_scene import SPACING, draw
+from .library.rows import read_rows, write_rows
 
 TABLE = FIGURES / "random_scenes.csv"
 PLUGIN = ROOT / "tests" / "plugins" / "periporo_mohr_coulomb"
@@ -57,67 +57,32 @@ GRACE = 10.0  # s in which a signal must be answered
 COLUMNS = ("number", "verdict", "check", "gain", "where", "momentum", "depth", "steps", "seconds", "message")
 
 
-class Meter:
-    """What moving obstacles do on the points (J) in the channels contact and friction, by steps."""
-
-    def __init__(self):
-        self.work = np.zeros(2)
-        self._before = {}
-        self._plain = RigidContact.add_force
-
-    def __enter__(self):
-        meter = self
-
-        def add_force(contact, p, time, dt):
-            if contact.motion is None:
-                meter._plain(contact, p, time, dt)
-                return
-            still = time == contact._time
-            sums = [channel[: p.owned].sum(axis=0) for channel in (p.contact_force, p.friction_force)]
-            meter._plain(contact, p, time, dt)
-            now = [channel[: p.owned].sum(axis=0) for channel in (p.contact_force, p.friction_force)]
-            force = np.array([after - before for after, before in zip(now, sums, strict=True)])
-            if not still and contact.pose_before is not None:
-                way = contact.pose.shift - contact.pose_before.shift
-                meter.work += 0.5 * (meter._before.get(contact.name, 0.0 * force) + force) @ way
-            meter._before[contact.name] = force
-
-        RigidContact.add_force = add_force
-        return self
-
-    def __exit__(self, *_):
-        RigidContact.add_force = self._plain
-
-
 class Watch:
     """Looks at a simulation every few steps; what it saw after a step that was taken back is dropped."""
 
-    def __init__(self, meter):
-        self.meter = meter
+    def __init__(self):
         self.sim = None
-        self.seen = []  # (step, energies, obstacles' work, momentum, sum of m |v|)
+        self.seen = []  # (step, energies, momentum, sum of m |v|)
 
     def __call__(self, sim):
         self.sim = sim
         while self.seen and self.seen[-1][0] >= sim.step_number:
-            self.meter.work[:] = self.seen.pop()[2]
+            self.seen.pop()
         p, n = sim.particles, sim.particles.owned
         momentum = (p.mass[:, None] * p.velocity[:n]).sum(axis=0)
         size = float((p.mass * np.sqrt((p.velocity[:n] ** 2).sum(axis=1))).sum())
-        self.seen.append((sim.step_number, sim.ledger.entries(), self.meter.work.copy(), momentum, size))
+        self.seen.append((sim.step_number, sim.ledger.entries(), momentum, size))
 
     def gain(self):
         """Largest energy from nothing over the energy at hand, and the channel that gave it."""
         start = self.sim.ledger.initial_kinetic
         table = {name: np.array([e[name] for _, e, *_ in self.seen]) for name in self.seen[0][1]}
-        obstacles = np.array([work for _, _, work, *_ in self.seen])
-        inputs = [table["external_work"], table["prescribed_work"], obstacles[:, 0], obstacles[:, 1]]
+        inputs = [table[name] for name in ("external_work", "prescribed_work", "obstacle_work") if name in table]
         hand = start + sum(np.cumsum(np.maximum(np.diff(i, prepend=0.0), 0.0)) for i in inputs)
         hand = np.maximum(hand, max(1e-3 * hand[-1], 1e-12))
         given = {
             "internal": -table["internal_energy"],
-            "contact": -table["contact_energy"] - obstacles[:, 0],
-            "friction": -table["friction_dissipation"] - obstacles[:, 1],
+            "contact": -table["contact_energy"], "friction": -table["friction_dissipation"],
             "damping": -table["damping_dissipation"], "integration": table["energy_residual"],
         }  # fmt: skip
         shares = {name: float((value / hand).max()) for name, value in given.items()}
@@ -171,9 +136,8 @@ def judge(number: int, folder: Path) -> dict:
         except InputError as error:
             row |= {"check": "refused", "verdict": "refused", "message": str(error)}
     if row["check"] == "valid":
-        with Meter() as meter:
-            watch = Watch(meter)
-            row |= _run(file, folder, watch)
+        watch = Watch()
+        row |= _run(file, folder, watch)
         if row["verdict"] == "done":
             row |= _findings(scene, watch)
         row["steps"] = watch.sim.step_number if watch.sim else 0
@@ -275,29 +239,15 @@ def main(words=None):
         for number in arguments.numbers:
             print(json.dumps(judge(number, arguments.folder)), flush=True)
         return
-    rows = _read(arguments.table)
+    rows = read_rows(arguments.table)
     wanted = arguments.numbers or range(arguments.first, arguments.first + arguments.scenes)
     kept = {n for n, row in rows.items() if not (arguments.again and row["verdict"] not in ("done", "refused"))}
     for row in judged([n for n in wanted if arguments.numbers or n not in kept], arguments.folder, arguments.patience):
         rows[row["number"]] = row
-        _write(arguments.table, rows)
+        write_rows(arguments.table, rows)
         told = " ".join(str(row[c]) for c in COLUMNS[1:])
         print(f"{row['number']:3d} {told}", flush=True)
     bad = [n for n, row in rows.items() if row["verdict"].startswith("VIOLATION")]
     for verdict, count in Counter(row["verdict"] for row in rows.values()).most_common():
         print(f"{count:4d} {verdict}")
     sys.exit(1 if bad else 0)
-
-
-def _read(table):
-    if not table.exists():
-        return {}
-    with table.open() as file:
-        return {int(row["number"]): row for row in csv.DictReader(file)}
-
-
-def _write(table, rows):
-    with table.open("w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS)
-        writer.writeheader()
-        writer.writerows(rows[n] for n in sorted(rows))

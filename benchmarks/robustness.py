@@ -7,7 +7,6 @@ plastic compressibility, viscosity, jitter, influence function, horizon and shar
 is docs/figures/robustness.csv; draws that are in it are not run again. Exit status 1 if a draw fails.
 """
 
-import csv
 import sys
 import tempfile
 import time
@@ -24,6 +23,7 @@ from periporo.core.watch.watchdog import Watchdog, WatchdogError
 from periporo.io.input.load import parse_scene
 
 from . import FIGURES, option_parser
+from .library.rows import read_rows, write_rows
 
 TABLE = FIGURES / "robustness.csv"
 SEED = 2022
@@ -167,14 +167,14 @@ def main(words=None):
     parser.add_argument("--duration", type=float, default=0.5, help="s, at most")
     parser.add_argument("--table", type=Path, default=TABLE)
     arguments = parser.parse_args(words)
-    rows = _read(arguments.table)
+    rows = read_rows(arguments.table)
     for number in range(arguments.draws):
         if number in rows:
             continue
         d = draw(number)
         outcome = run(d, arguments.spacing, arguments.duration)
         rows[number] = _row(d, outcome)
-        _write(arguments.table, rows)
+        write_rows(arguments.table, rows)
         print(f"{number:3d} {outcome.verdict}, speed {outcome.speed:.2f}, {outcome.seconds} s", flush=True)
     bad = [number for number, row in rows.items() if row["sound"] != "yes"]
     fastest = max(float(row["speed"]) for row in rows.values())
@@ -185,17 +185,3 @@ def main(words=None):
 def _row(d, outcome):
     entries = asdict(d) | asdict(outcome) | {"sound": "yes" if outcome.sound else "no"}
     return {k: f"{v:.4g}" if isinstance(v, float) else "" if v is None else str(v) for k, v in entries.items()}
-
-
-def _read(table):
-    if not table.exists():
-        return {}
-    with table.open() as file:
-        return {int(row["number"]): row for row in csv.DictReader(file)}
-
-
-def _write(table, rows):
-    with table.open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(next(iter(rows.values()))))
-        writer.writeheader()
-        writer.writerows(rows.values())

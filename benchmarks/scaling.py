@@ -13,12 +13,8 @@ ranks may share cores. `sweep` starts `count` by mpirun, which takes the same wo
 """
 
 import json
-import os
 import resource
-import subprocess
-import sys
 import time
-from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
@@ -27,7 +23,8 @@ from periporo.core.scene.build import build
 from periporo.core.scene.check import state_bytes
 from periporo.io.input.load import parse_scene
 
-from . import ROOT, option_parser
+from . import option_parser
+from .library.ranks import start
 
 COMM = MPI.COMM_WORLD
 ELASTIC = {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
@@ -36,7 +33,6 @@ SAND = {"model": "drucker_prager", "density": 1600.0, "bulk_modulus": 2e5, "shea
 # fields that ghosts receive in each step with the default scheme, one message each
 EXCHANGES = (("position", "velocity"), ("share", "gradient"), ("link", "seen"), ("flux",))
 RANKS = (1, 2, 4, 8, 16)
-SHARED_CORES = {"MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT": "64"}
 
 
 def block(counts, material=ELASTIC, comm=COMM, **keys):
@@ -135,20 +131,11 @@ def sweep(arguments):
         counts = [side] * arguments.dimension
         for k in range(int(np.log2(ranks)) if arguments.weak else 0):
             counts[k % len(counts)] *= 2
-        f = json.loads(start(ranks, "count", "--steps", arguments.steps, "--counts", *counts))
+        f = json.loads(start(ranks, "scaling", "count", "--steps", arguments.steps, "--counts", *counts))
         print(f"| {ranks} | {f['points']:,} | {f['neighbours']} | {f['messages']:.1f} ({f['messages_model']}) | "
               f"{f['ghosts']:,.0f} ({f['ghosts_model']:,.0f}) | {f['kB']:.1f} ({f['kB_model']:.1f}) | "
               f"{f['imbalance']:.3f} | {f['pairs']:.3f} ({f['pairs_model']:.3f}) | {f['rebuilds']:.3f} | "
               f"{f['state']:,.0f} |", flush=True)  # fmt: skip
-
-
-def start(ranks, *words):
-    """Standard output of this program on a number of ranks."""
-    mpirun = Path(sys.executable).with_name("mpirun")
-    command = [str(mpirun), "-n", str(ranks), sys.executable, "-m", "benchmarks", "scaling", *map(str, words)]
-    patience = SHARED_CORES if ranks > (os.cpu_count() or 1) else {}
-    run = subprocess.run(command, check=True, cwd=ROOT, env=os.environ | patience, stdout=subprocess.PIPE, text=True)
-    return run.stdout
 
 
 def collapse(arguments):
