@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -83,7 +84,7 @@ def _corners_and_triangles(name: str, _changed: int) -> tuple[np.ndarray, np.nda
         raise GroundFileError("it holds no triangles")
     if not np.isfinite(corners).all():
         raise GroundFileError(f"corner {int(np.argmax(~np.isfinite(corners).all(axis=1))) + 1} is not a finite place")
-    if Path(name).suffix.lower() == ".stl" and np.array_equal(corners, corners.astype(np.float32)):
+    if _holds_single_precision(name) and np.array_equal(corners, corners.astype(np.float32)):
         _refuse_coarse(corners, triangles)
     corners, rows = np.unique(corners, axis=0, return_inverse=True)
     triangles = rows.ravel()[triangles]
@@ -93,15 +94,24 @@ def _corners_and_triangles(name: str, _changed: int) -> tuple[np.ndarray, np.nda
     return corners, triangles[area > 1e-12 * longest]
 
 
+def _holds_single_precision(name: str) -> bool:
+    """Whether the file may hold its corners so: every STL (text ones are told by their digits), a PLY by its header."""
+    if Path(name).suffix.lower() != ".ply":
+        return Path(name).suffix.lower() == ".stl"
+    with open(name, "rb") as file:
+        header = takewhile(lambda line: line.strip() != b"end_header", file)
+        return any(line.split() in ([b"property", kind, b"x"] for kind in (b"float", b"float32")) for line in header)
+
+
 def _refuse_coarse(corners: np.ndarray, triangles: np.ndarray) -> None:
     """Raise GroundFileError if single precision has moved corners by more than `_COARSE` of an edge."""
     step = float(np.spacing(np.float32(np.abs(corners).max())))
     edge = float(np.median(np.linalg.norm(corners[triangles[:, 1]] - corners[triangles[:, 0]], axis=1)))
     if step > _COARSE * edge:
         raise GroundFileError(
-            f"binary STL holds single-precision numbers, which at {np.abs(corners).max():.9g} m are {step:.3g} m "
-            f"apart, and half of its edges are shorter than {edge:.3g} m; write it about a local origin, or as PLY or "
-            "OBJ with double precision"
+            f"it holds single-precision numbers, which at {np.abs(corners).max():.9g} m are {step:.3g} m apart, and "
+            f"half of its edges are shorter than {edge:.3g} m; write it about a local origin, or as OBJ, or as PLY "
+            "with `property double`"
         )
 
 

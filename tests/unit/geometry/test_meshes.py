@@ -53,12 +53,17 @@ def test_triangles_that_disagree_about_the_outside_are_refused_with_the_place(tm
 
 
 def test_single_precision_far_from_the_origin_is_refused_with_the_remedy(tmp_path):
-    """At 4 000 000 m the numbers of binary STL are .25 or .5 m apart."""
+    """At 4 000 000 m the numbers of binary STL are .25 or .5 m apart, as are those of the PLY that trimesh writes."""
     far = CORNERS * 10.0 + [500_000.0, 4_000_000.0, 300.0]
-    with pytest.raises(GroundFileError, match="at 4000040 m are 0.25 m apart.*local origin, or as PLY or OBJ"):
-        read_mesh(written(tmp_path / "a.stl", corners=far))
-    mesh = read_mesh(written(tmp_path / "a.obj", corners=far), (500_000.0, 4_000_000.0, 0.0), closed=True)
-    assert mesh.tree.corners.max(axis=0) == pytest.approx([40.0, 40.0, 330.0], abs=1e-9)
+    for name in ("a.stl", "a.ply"):
+        with pytest.raises(GroundFileError, match="at 4000040 m are 0.25 m apart.*local origin, or as OBJ, or as PLY"):
+            read_mesh(written(tmp_path / name, corners=far))
+    double = tmp_path / "double.ply"
+    text = trimesh.Trimesh(far, PYRAMID, process=False).export(file_type="ply", encoding="ascii").decode()
+    double.write_text(text.replace("property float ", "property double "))
+    for name in (str(double), written(tmp_path / "a.obj", corners=far)):
+        mesh = read_mesh(name, (500_000.0, 4_000_000.0, 0.0), closed=True)
+        assert mesh.tree.corners.max(axis=0) == pytest.approx([40.0, 40.0, 330.0], abs=1e-9)
 
 
 def test_other_files_are_refused(tmp_path):
