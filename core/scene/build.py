@@ -50,7 +50,8 @@ from periporo.core.water.flow import FlowingWater
 from periporo.errors import InputError, Problem
 from periporo.io.geometry import lattice as geometry
 from periporo.io.geometry.origin import relative, scene_origin
-from periporo.io.schema.scene import STILL, SceneInput
+from periporo.io.schema.scene import SceneInput
+from periporo.io.schema.stages import STILL
 
 SKIN = 0.3  # spacings
 
