@@ -1,6 +1,5 @@
 """A whole run from the command line: scene, observers, summary, pictures."""
 
-import math
 import platform
 import time
 from collections.abc import Callable, Iterable
@@ -11,13 +10,10 @@ from pathlib import Path
 import yaml
 from mpi4py import MPI
 
-from periporo.core.motion import sleep
-from periporo.core.motion.energy import OBSTACLES
 from periporo.core.numerics import jit
-from periporo.core.points import departures, fields
+from periporo.core.points import fields
 from periporo.core.points.probes import Probes
 from periporo.core.ranks.processors import agree
-from periporo.core.ranks.reductions import quantile
 from periporo.core.scene.build import build, output_names
 from periporo.core.scene.doubts import without_company
 from periporo.core.scene.source import Source, naming, read_everywhere
@@ -26,7 +22,7 @@ from periporo.core.watch.interrupt import Interrupted, Keeper, Signals
 from periporo.core.watch.observers import Callback, HistoryObserver, ProgressObserver, ResultObserver, present_obstacles
 from periporo.core.watch.state import State, StateError, memory, tables
 from periporo.core.watch.state import resume as resume_from
-from periporo.core.watch.strength import StrengthReductionStage
+from periporo.core.watch.summary import figures_of, history_units, summary
 from periporo.core.watch.watchdog import Watchdog
 from periporo.core.water import flow
 from periporo.errors import InputError, OutputError
@@ -86,20 +82,11 @@ def run(
         with closing(sim.halo), _writer(scene, target, sim, names, probes, replace, state) as writer:
             if state is None:
                 everywhere(comm, checkpoint.remove, target)  # they belong to a run that is gone
-            history = HistoryObserver(writer, scene.output.history_interval, probes)
-            sim.observers += [history, _results(scene, writer, names)]
-            sim.observers += [ProgressObserver(progress, history), *(Callback(*pair) for pair in callbacks)]
+            history = _observe(scene, sim, writer, names, probes, progress, callbacks)
             watchdog = _watchdog(scene, target, writer, progress.message)
             keeper = _keeper(scene, target, writer, walltime, signals, progress.message, began)
             sim.guards = [watchdog, keeper]  # in this order: no checkpoint of a state that is taken back
-            if not jit.cache_is_warm():
-                progress.message(jit.COMPILING)
-            _start(sim, source, target) if state is None else _go_on(sim, state, target)
-            jit.remember_warm()
-            for remark in jit.remarks:
-                progress.message(remark)
-            for remark in without_company(sim, scene):
-                progress.message(f"doubtful: {remark}")
+            _begin(scene, sim, source, target, state, progress.message)
             progress.message(f"ready after {time.monotonic() - began:.1f} s")
             sim.timing.reset()
             sim.halo.reset_counters()
@@ -108,14 +95,10 @@ def run(
             except Interrupted as reason:
                 progress.message(f"{reason}\ngo on with: {_how_to_resume(source)}")
                 return target
-            figures = {"wall_time_s": time.monotonic() - began, "timing": _timing(sim), "retries": watchdog.retries}
-            for stage in sim.stages:
-                if isinstance(stage, StrengthReductionStage):
-                    figures[f"factor_of_safety_{stage.name}"] = stage.safety
-            deposit, counts = _deposit(sim, history), _counters(sim)
-            writer.set_attributes({**figures, **deposit, **counts, "finished": 1})
+            figures = figures_of(sim, history, watchdog, began)
+            writer.set_attributes({**figures, "finished": 1})
         everywhere(comm, checkpoint.remove, target)
-        for line in _summary(sim, history, deposit | counts):
+        for line in summary(sim, history, figures):
             progress.message(line)
         progress.message(f"results: {target}")
         if pictures and comm.rank == 0:
@@ -136,6 +119,26 @@ def _target(scene, source, file, resume) -> Path:
 
 def _how_to_resume(source) -> str:
     return f"periporo {source} --resume" if isinstance(source, str | Path) else "run(..., resume=True)"
+
+
+def _observe(scene, sim, writer, names, probes, progress, callbacks) -> HistoryObserver:
+    """Have histories and results written, progress shown and functions called; what writes the histories."""
+    history = HistoryObserver(writer, scene.output.history_interval, probes)
+    results = ResultObserver(writer, names, scene.output.interval, present_obstacles if writer.obstacles else None)
+    sim.observers += [history, results, ProgressObserver(progress, history), *(Callback(*c) for c in callbacks)]
+    return history
+
+
+def _begin(scene, sim, source, target, state, message):
+    """Start the simulation, or put it into the `state` to go on from; say what is doubtful about it."""
+    if not jit.cache_is_warm():
+        message(jit.COMPILING)
+    _start(sim, source, target) if state is None else _go_on(sim, state, target)
+    jit.remember_warm()
+    for remark in jit.remarks:
+        message(remark)
+    for remark in without_company(sim, scene):
+        message(f"doubtful: {remark}")
 
 
 def _start(sim, source, target):
@@ -176,18 +179,10 @@ def _writer(scene, target, sim, names, probes, overwrite, state):
     told = {name: unit for part in sim.reactions for name, unit in part.units.items()}
     return ResultWriter(
         target, sim.comm, dimension=scene.dimension, fields=declared, attributes=_attributes(scene, sim),
-        history_units=_history_units() | flow.UNITS | probes.units | told, overwrite=overwrite,
+        history_units=history_units() | flow.UNITS | probes.units | told, overwrite=overwrite,
         obstacles=any(hasattr(c, "outline") for stage in sim.stages for c in stage.contacts),
         resume_step=None if state is None else state.memory["simulation"]["step_number"],
     )  # fmt: skip
-
-
-def _history_units():
-    return HistoryObserver.UNITS | departures.UNITS | OBSTACLES | sleep.UNITS
-
-
-def _results(scene, writer, names):
-    return ResultObserver(writer, names, scene.output.interval, present_obstacles if writer.obstacles else None)
 
 
 def _watchdog(scene, target, writer, message):
@@ -262,52 +257,6 @@ def _attributes(scene, sim):
         "ranks": sim.comm.size,
         **({"origin": sim.origin} if sim.origin.any() else {}),
     }
-
-
-def _timing(sim) -> str:
-    return yaml.safe_dump({k: round(v, 6) for k, v in sim.timing.seconds.items()}, default_flow_style=True)
-
-
-def _counters(sim) -> dict[str, int]:
-    """How often neighbours were found anew and laws failed, and what the ranks sent each other after the start."""
-    sent = {"migrated_points": sim.halo.points_migrated, "messages": sim.halo.messages_sent,
-            "bytes_sent": sim.halo.bytes_sent}  # fmt: skip
-    counts = {"rebuilds": sim.rebuild_count, "failed_updates": sim.failed_updates()}
-    return {**counts, **{name: sim.comm.allreduce(count) for name, count in sent.items()}}
-
-
-def _deposit(sim, history) -> dict:
-    """Run-out, the half-width that holds 99 % of the deposit; height; and points that belong to nothing."""
-    p, n = sim.particles, sim.particles.owned
-    across = sim.extent.distance(p.position[:n])
-    regular = p.share[:n, 1] > 0.0
-    return {
-        "run_out_m": quantile(sim.comm, across[regular], 0.99) + 0.5 * sim.spacing,  # NaN if all fly freely
-        "height_m": history.latest["height"],
-        "free_flying_points": sim.comm.allreduce(int((~regular).sum())),
-    }
-
-
-def _summary(sim, history, figures) -> list[str]:
-    """Energy ledger, run-out and height, what laws failed in, and where the time went."""
-    last, units = history.latest, _history_units()
-    energies = [name for name in last if units.get(name) == "J"]
-    ledger = [f"  {name.replace('_', ' '):22s} {last[name] + 0.0:+.6e} J" for name in energies]  # + 0.0: no minus zero
-    run_out = f"{figures['run_out_m']:.4g} m (99 % of the deposit)"
-    if math.isnan(figures["run_out_m"]):
-        run_out = "none (no point has regular company)"
-    error, failed = abs(last["energy_residual"] - last["integration_term"]), figures["failed_updates"]
-    return [
-        "energy ledger",
-        *ledger,
-        f"  unexplained            {error:.1e} J",
-        f"run-out {run_out}, height {figures['height_m']:.4g} m, "
-        f"free-flying points {figures['free_flying_points']}",
-        *([f"{last['departed_points']:,} points left the domain"] if "departed_points" in last else []),
-        *([f"{failed:,} updates of laws failed: those rows kept their stress"] if failed else []),
-        "time of the run",
-        *(f"  {line}" for line in sim.timing.lines()),
-    ]
 
 
 def _pictures(target):

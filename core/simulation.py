@@ -11,25 +11,22 @@ from periporo.core.loads.boundary import ViscousDamping
 from periporo.core.motion.energy import Ledger
 from periporo.core.motion.integrator import drift, second_kick
 from periporo.core.motion.pace import kick_within
+from periporo.core.motion.rebuilds import THINNEST, neighbours_are_stale, rebuild
 from periporo.core.motion.sleep import Sleep
 from periporo.core.motion.stages import Stage
 from periporo.core.motion.timestep import StableTimeStep
-from periporo.core.points.departures import GONE, LOOK_INTERVAL, Departures
+from periporo.core.points.departures import Departures
 from periporo.core.points.extent import Extent
 from periporo.core.points.forces import ForceChannels
 from periporo.core.points.material import Material
 from periporo.core.points.particles import Particles
-from periporo.core.ranks.domain import Domain, bisect
+from periporo.core.ranks.domain import Domain
 from periporo.core.ranks.halo import Halo
-from periporo.core.ranks.reductions import any_rank, exact_sum, maxima, maximum
+from periporo.core.ranks.reductions import any_rank
 from periporo.core.watch.observers import Callback
 from periporo.core.watch.timing import Timing
-from periporo.errors import ContactError, place_text
 
 _MARGIN = 1.0 + 1e-9  # of the ghosts' reach, so that both ranks of a pair list it whatever the rounding
-_OFTEN, _SELDOM = 60, 150  # steps between rebuilds that call for a thicker, or a thinner, skin
-_THINNEST = 0.1  # skin, over the largest
-_IMBALANCE = 1.07  # of the bonds per rank, above which space is divided anew
 _REMEMBERED = (
     "time", "_carry", "dt", "step_number", "stage_number", "skin", "farthest", "rebuild_count", "rebuilt_at",
     "fastest",
@@ -73,7 +70,7 @@ class Simulation:
         self.scheme = scheme
         self.spacing = spacing
         self.largest_skin = skin
-        self.skin = _THINNEST * skin
+        self.skin = THINNEST * skin
         self.time_step = time_step
         self.halo = Halo(comm)
         self.bonds = Bonds(particles, self.materials, scheme.rows)
@@ -104,10 +101,10 @@ class Simulation:
         self.ahead = 0.0  # s, of the clock: when loads hold for which a quasi-static stage looks for equilibrium
         self.rebuilt_at = 0  # step
         self._carry = 0.0  # of the compensated sum of time steps
-        self._moved = 0.0
-        self._way = 0.0  # m, longest of this rank in a step
+        self.moved = 0.0  # m, of this rank's points since the neighbours were found, at most
+        self.way = 0.0  # m, longest of this rank in a step
         self.fastest = np.inf  # m/s, point in the step before
-        self._refusals: list = []  # of the last step, on this rank
+        self.refusals: list = []  # of the last step, on this rank
         self._failed = 0  # updates of laws on this rank
 
     @classmethod
@@ -145,99 +142,9 @@ class Simulation:
         """Distance within which a rank needs the points of others, m."""
         return self.farthest * _MARGIN
 
-    def rebuild(self, arrive: Callable[[Domain], dict[str, np.ndarray]] | None = None) -> None:
-        """Give points to the ranks that own their places, and find ghosts and neighbours anew.
-
-        New points come whose migrating fields `arrive` gives for this rank's part of a division of space.
-        """
-        p = self.particles
-        self.refuse_breaches()
-        self._adapt_skin()
-        others_sleep = self.sleep is not None and self.sleep.decide(self)
-        before, self.domain = self.domain, self._divided()
-        owner = self.domain.owner(p.position[: p.owned])
-        if self.departures is not None:
-            owner[self._departing(self.departures)] = GONE
-        self.bonds.collect(self.comm, p, owner, others_sleep or self.domain is not before)
-        owned = self.halo.migrate(p, owner)
-        owned["reference_position"] = owned["position"].copy()
-        if arrive is not None:
-            arriving = arrive(self.domain)
-            order = np.argsort(np.concatenate([owned["id"], arriving["id"]]), kind="stable")
-            owned = {name: np.concatenate([array, arriving[name]])[order] for name, array in owned.items()}
-        self.farthest = max([self.reach, *(reach_of(owned) for reach_of in self.reaches)])
-        self.halo.rebuild(p, self.domain, owned, self.ghost_reach)
-        self.bonds.rebuild(p, self.reach)
-        self._moved = 0.0
-        self.rebuild_count += 1
-        self.rebuilt_at = self.step_number
-
-    def refuse_breaches(self, how: str = "") -> None:
-        """Raise ContactError, on all ranks alike, if a point is behind an obstacle; `how` it came there, and advice."""
-        found = [(*c.breach, c.name) for c in self.contacts if getattr(c, "breach", None) is not None]
-        if not any_rank(self.comm, bool(found)):
-            return
-        breaches = [b for of_rank in self.comm.allgather(found) for b in of_rank]
-        depth, place, name = max(breaches, key=lambda b: (np.isnan(b[0]), b[0], tuple(b[1])))
-        where = "over a hole" if np.isnan(depth) else f"{depth:.3g} m behind its surface"
-        how = how or (
-            "has passed the obstacle; give the contact more stiffness, or the scene a domain that points leave before"
-        )
-        raise ContactError(f"contacts[{name}]: a point at ({place_text(place, self.origin, 4)}), {where}, {how}")
-
-    def _departing(self, departures: Departures) -> np.ndarray:
-        """Which owned points (owned,) leave now; their energy is booked."""
-        leaving = departures.leaving(self.particles)
-        departures.condemned = departures.condemned[:0]
-        count = self.comm.allreduce(int(leaving.sum()))
-        if count:
-            departures.count += count
-            departures.sums += exact_sum(self.comm, departures.energies(self.particles, leaving))
-        return leaving
-
-    def _adapt_skin(self) -> None:
-        """Make the skin thin while points move slowly, so that few pairs are listed in vain.
-
-        Pairs beyond the horizon have no effect at all, so this changes the cost and not a bit of the result.
-        """
-        steps = self.step_number - self.rebuilt_at
-        if steps > _SELDOM:
-            self.skin = max(0.7 * self.skin, _THINNEST * self.largest_skin)
-        elif 0 < steps < _OFTEN:
-            self.skin = min(self.skin / 0.7, self.largest_skin)
-
-    def _divided(self) -> Domain:
-        """Space divided among the ranks: at first, and anew when the numbers of bonds have become too unequal."""
-        p = self.particles
-        if self.domain is not None:
-            if self.comm.size == 1:
-                return self.domain
-            mine = float(len(self.bonds.pairs.first))
-            mean = self.comm.allreduce(mine) / self.comm.size
-            if maximum(self.comm, mine) <= _IMBALANCE * mean:
-                return self.domain
-        weight = np.ones(p.owned) if self.domain is None else self.bonds.pairs.per_point(p.total)[: p.owned]
-        return bisect(self.comm, p.position[: p.owned], weight)
-
-    def neighbours_are_stale(self) -> bool:
-        """Whether a point somewhere has moved half of the skin since the neighbours were found.
-
-        Or whether one is to wake, or to sleep, or has left the scene, or a law refused the last step: then there is no
-        telling where points are.
-        """
-        if self.departures is not None:
-            looks = self.step_number % LOOK_INTERVAL == 0
-            if len(self.departures.condemned) or (looks and self.departures.outside(self.particles).any()):
-                self._moved = np.inf
-        if self.sleep is not None and self.sleep.look(self):
-            self._moved = np.inf
-        moved, way = maxima(self.comm, np.array([np.inf if self._refusals else self._moved, self._way])).tolist()
-        self.fastest = way / self.dt if self.dt > 0.0 else 0.0
-        return not moved <= 0.5 * self.skin
-
     def confirm(self) -> None:
         """Raise RefusedStep, on all ranks alike, if a law refused the last step; collective."""
-        refusals, self._refusals = self._refusals, []
+        refusals, self.refusals = self.refusals, []
         if not any_rank(self.comm, bool(refusals)):
             return
         texts = self.comm.allgather([f"{r.law}: {r.reason}" for r in refusals])
@@ -255,7 +162,7 @@ class Simulation:
         timing.lap("strain")
         for block in b.blocks:
             block.advance(material_dt)
-        self._refusals = b.refusals()
+        self.refusals = b.refusals()
         count, failed = b.failures(p.owned)
         self._failed += count
         if self.departures is not None:
@@ -312,11 +219,11 @@ class Simulation:
         for motion in self.prescribed_motions:
             motion.apply(p, self.time + dt / 2, dt, closing_step=False)
         self.scheme.rearrange(p, self.prescribed_motions, self.contacts, dt)
-        self._moved, self._way = drift(p, forces, dt)  # x at t + dt
+        self.moved, self.way = drift(p, forces, dt)  # x at t + dt
         timing.lap("integration")
-        if self.neighbours_are_stale():
+        if neighbours_are_stale(self):
             self.confirm()
-            self.rebuild()
+            rebuild(self)
         timing.lap("rebuild")
         self.evaluate_forces()
         second_kick(p, forces, dt)  # v at t + dt
@@ -343,7 +250,7 @@ class Simulation:
 
     def start(self) -> None:
         """Bonds and forces of the initial configuration; compiles every kernel on the way."""
-        self.rebuild()
+        rebuild(self)
         self.dt, self.rate_independent = 0.0, True
         self.evaluate_forces()
         self.confirm()
@@ -389,4 +296,4 @@ class Simulation:
             self.departures.recall(memory["departures"])
         if self.sleep is not None:
             self.sleep.recall(memory["sleep"])
-        self._refusals, self._failed = [], memory["failed_updates"] if self.comm.rank == 0 else 0
+        self.refusals, self._failed = [], memory["failed_updates"] if self.comm.rank == 0 else 0

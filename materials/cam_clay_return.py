@@ -6,6 +6,7 @@ import numpy as np
 
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics.algebra import LANES
+from periporo.core.numerics.elasticity import elastic_trial
 from periporo.core.numerics.jit import inlined, kernel
 
 _KILOPASCAL = 1e3
@@ -185,21 +186,6 @@ def _return_tile(tile, bulk, c, overstress, elasticity):
 
 
 @inlined
-def _add_elastic(bulk, shear, b, stress, strain_increment):
-    """Trial stress of row b; its p and q^2."""
-    volumetric = strain_increment[b, 0] + strain_increment[b, 1] + strain_increment[b, 2]
-    lame = (bulk - 2.0 / 3.0 * shear) * volumetric
-    for k in range(3):
-        stress[b, k] += lame + 2.0 * shear * strain_increment[b, k]
-    p = (stress[b, 0] + stress[b, 1] + stress[b, 2]) / 3.0
-    square = (stress[b, 0] - p) ** 2 + (stress[b, 1] - p) ** 2 + (stress[b, 2] - p) ** 2
-    for k in range(3, stress.shape[1]):
-        stress[b, k] += 2.0 * shear * strain_increment[b, k]
-        square += 2.0 * stress[b, k] ** 2
-    return p, 1.5 * square
-
-
-@inlined
 def _bonded(unbonded, minimum, index, state, b, column, bonding_parameters):
     """Size, floor and stiffening of row b, which are those of unbonded soil where there is no bonding."""
     if column >= 0 and state[b, column] != 0.0:
@@ -240,7 +226,8 @@ def _advance_rows(
             bulk = _secant_bulk(elasticity, minimum, b, stress, strain_increment)
             shear = bulk * elasticity[1]
             tile[9 * LANES + used] = bulk
-        p_trial, q_squared = _add_elastic(bulk, shear, b, stress, strain_increment)
+        p_trial, square = elastic_trial(bulk, shear, 1.0, b, stress, strain_increment)
+        q_squared = 1.5 * square
         unbonded = minimum if -state[b, 0] < minimum else -state[b, 0]  # keeps NaN, unlike max
         size, floor, stiffening = _bonded(unbonded, minimum, index, state, b, bonding_column, bonding_parameters)
         if q_squared / slope**2 + p_trial * (p_trial + size) > _YIELD_TOLERANCE * size * size:

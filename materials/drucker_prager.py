@@ -12,6 +12,7 @@ from typing import ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from periporo.core.numerics.elasticity import elastic_trial
 from periporo.core.numerics.jit import inlined, kernel
 from periporo.core.numerics.tensors import dimension_of
 from periporo.core.points.material import OPENED, StateField
@@ -270,17 +271,7 @@ def _return_rows(
     """
     components = stress.shape[1]
     for b in range(stress.shape[0]):
-        volumetric = strain_increment[b, 0] + strain_increment[b, 1] + strain_increment[b, 2]
-        lame = (bulk - 2.0 / 3.0 * shear) * volumetric
-        for k in range(3):
-            stress[b, k] += lame + 2.0 * shear * strain_increment[b, k]
-        p_trial = (stress[b, 0] + stress[b, 1] + stress[b, 2]) / 3.0
-        j2 = 0.5 * (
-            (stress[b, 0] - p_trial) ** 2 + (stress[b, 1] - p_trial) ** 2 + (stress[b, 2] - p_trial) ** 2
-        )
-        for k in range(3, components):
-            stress[b, k] += 2.0 * shear * strain_increment[b, k]
-            j2 += stress[b, k] ** 2
+        p_trial, j2 = elastic_trial(bulk, shear, 0.5, b, stress, strain_increment)
         root = math.sqrt(j2)
         if reports:
             state[b, 0] = 0.0

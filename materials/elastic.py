@@ -5,7 +5,8 @@ from typing import ClassVar, Self
 import numpy as np
 from pydantic import Field
 
-from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.numerics.elasticity import add_elastic
+from periporo.core.numerics.jit import kernel
 from periporo.core.points.material import StateField
 from periporo.materials.base import MaterialParameters
 
@@ -57,21 +58,11 @@ class _ElasticRows:
 
 @kernel
 def _add_elastic_increment(bulk, shear, stress, strain_increment):
-    _add_increment(bulk, shear, stress, strain_increment)
-
-
-@inlined
-def _add_increment(bulk, shear, stress, strain_increment):
-    lame = bulk - 2.0 / 3.0 * shear
     for b in range(stress.shape[0]):
-        volumetric = lame * (strain_increment[b, 0] + strain_increment[b, 1] + strain_increment[b, 2])
-        for c in range(3):
-            stress[b, c] += volumetric + 2.0 * shear * strain_increment[b, c]
-        for c in range(3, stress.shape[1]):
-            stress[b, c] += 2.0 * shear * strain_increment[b, c]
+        add_elastic(bulk, shear, b, stress, strain_increment)
 
 
 @kernel
 def _add_elastic_increments(moduli, stress, strain_increment):
     for b in range(stress.shape[0]):
-        _add_increment(moduli[b, 0], moduli[b, 1], stress[b : b + 1], strain_increment[b : b + 1])
+        add_elastic(moduli[b, 0], moduli[b, 1], b, stress, strain_increment)

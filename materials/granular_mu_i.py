@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics.algebra import DIMENSION, LANES
+from periporo.core.numerics.elasticity import add_elastic
 from periporo.core.numerics.jit import kernel
 from periporo.core.numerics.tensors import dimension_of
 from periporo.core.points.material import OPENED, StateField
@@ -119,15 +120,12 @@ def _advance(bulk, shear, least, largest, slowness, stress, strain_increment, st
     """
     like = la.zero_symmetric(dim)
     n = len(like)
-    lame = bulk - 2.0 / 3.0 * shear
     tile = np.ones((n + 3) * LANES)
     for base in range(0, stress.shape[0], LANES):
         count = min(LANES, stress.shape[0] - base)
         for k in range(count):
             b = base + k
-            volumetric = lame * (strain_increment[b, 0] + strain_increment[b, 1] + strain_increment[b, 2])
-            for c in range(n):
-                stress[b, c] += 2.0 * shear * strain_increment[b, c] + (volumetric if c < 3 else 0.0)
+            add_elastic(bulk, shear, b, stress, strain_increment)
             la.to_lane(tile, 0, k, la.symmetric_at(stress, b, 0, dim))
         for k in range(LANES):
             s = la.from_lane(tile, 0, k, like)

@@ -12,6 +12,7 @@ import numpy as np
 
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics.algebra import LANES
+from periporo.core.numerics.elasticity import add_elastic
 from periporo.core.numerics.jit import inlined, kernel
 from periporo.materials.principal import VALUES, put_together, take_apart
 
@@ -289,9 +290,7 @@ def advance(bulk, shear, table, cutoff, rate, reference, stress, strain_incremen
         count = min(LANES, stress.shape[0] - base)
         for k in range(count):
             b = base + k
-            volumetric = lame * (strain_increment[b, 0] + strain_increment[b, 1] + strain_increment[b, 2])
-            for c in range(n):
-                stress[b, c] += 2.0 * shear * strain_increment[b, c] + (volumetric if c < 3 else 0.0)
+            add_elastic(bulk, shear, b, stress, strain_increment)
             la.to_lane(tile, 0, k, la.symmetric_at(stress, b, 0, dim))
         if dissipation >= 0:
             state[base : base + count, dissipation] = 0.0

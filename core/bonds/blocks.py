@@ -140,6 +140,11 @@ class Block(Rows):
         bulk, shear = self.elastic_moduli()
         return bulk if self.pore_stiffness is None else bulk + self.pore_stiffness(self), shear
 
+    def stiffest(self, moduli: tuple[np.ndarray, np.ndarray]) -> float:
+        """Largest P-wave modulus (Pa) of active rows whose bulk and shear `moduli` these are; 0 without rows."""
+        bulk, shear = moduli
+        return float((bulk + 4.0 / 3.0 * shear)[self.active].max(initial=0.0))
+
 
 @dataclass
 class Carried:

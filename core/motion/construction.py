@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from periporo.core.motion.rebuilds import rebuild
 from periporo.core.numerics.tensors import square_lengths
 from periporo.core.ranks.reductions import exact_sum, minimum
 from periporo.errors import ContactError, place_text
@@ -16,7 +17,7 @@ _CLOSE = 0.5  # spacings that points must be apart
 class Construction:
     """At the start of a stage the points `removed` (sorted ids) are gone, with their stress, energy and work.
 
-    `arrive` gives the fields of new points that belong to this rank (see `Simulation.rebuild`); they come without
+    `arrive` gives the fields of new points that belong to this rank (see `rebuild`); they come without
     stress. `names` and `ids` of what arrives, for messages.
     """
 
@@ -30,7 +31,7 @@ class Construction:
         p = sim.particles
         if len(self.removed):
             sim.departures.condemned = np.union1d(sim.departures.condemned, self.removed)
-        sim.rebuild(self.arrive)
+        rebuild(sim, self.arrive)
         if self.arrive is not None:
             self._refuse_overlaps(sim)
             new = np.isin(p.id[: p.owned], self.ids)

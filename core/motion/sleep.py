@@ -17,6 +17,7 @@ every `LOOK_INTERVAL` steps, so that it depends neither on ranks nor on checkpoi
 
 import numpy as np
 
+from periporo.core.motion.rebuilds import rebuild
 from periporo.core.numerics.tensors import square_lengths
 from periporo.core.points.neighbours import near
 from periporo.core.points.particles import Field
@@ -105,7 +106,7 @@ class Sleep:
             return
         sim.particles.asleep[:] = 0
         self.share, self._all_woke = 0.0, True
-        sim.rebuild()
+        rebuild(sim)
         sim.find_shapes()
 
     def put_back(self, p, halo, owned: dict[str, np.ndarray]) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from periporo.core.bonds.bonds import RefusedStep
 from periporo.core.motion.construction import Construction
+from periporo.core.motion.rebuilds import refuse_breaches
 from periporo.core.motion.relaxation import Relaxation, RelaxationError
 from periporo.core.numerics.tensors import square_lengths
 from periporo.core.points.forces import PRESCRIBED
@@ -52,7 +53,8 @@ class Stage(ABC):
                     contact.appear(sim.particles, sim.time, ending)
                 elif self.construction is not None and hasattr(contact, "receive"):
                     contact.receive(sim.particles, self.construction.ids)
-            sim.refuse_breaches(f"is in its way in stage '{self.name}'; remove what is there before, or place it apart")
+            in_the_way = f"is in its way in stage '{self.name}'; remove what is there before, or place it apart"
+            refuse_breaches(sim, in_the_way)
             for motion in self.prescribed_motions:
                 motion.begin()
             sim.time_step.expire()
@@ -71,7 +73,7 @@ class Stage(ABC):
         for contact in self.contacts:
             if hasattr(contact, "look_behind"):
                 contact.look_behind(sim.particles)
-        sim.refuse_breaches()
+        refuse_breaches(sim)
         summary = self._finish(sim)
         for observer in sim.observers:
             observer.finish_stage(sim, self, summary)

@@ -15,6 +15,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from periporo.core.numerics import algebra as la
+from periporo.core.numerics.elasticity import add_elastic
 from periporo.core.numerics.jit import kernel
 from periporo.core.numerics.random_numbers import uniform
 from periporo.core.ranks.reductions import inner, maximum
@@ -98,11 +99,7 @@ def _stiffen_contacts(sim) -> None:
     changing = [block for block in sim.bonds.blocks if not block.keeps_all]
     if not following or not changing:
         return
-    largest = 0.0
-    for block in changing:
-        bulk, shear = block.elastic_moduli()
-        largest = max(largest, float((bulk + 4.0 / 3.0 * shear)[block.active].max(initial=0.0)))
-    largest = maximum(sim.comm, largest)
+    largest = maximum(sim.comm, max(block.stiffest(block.elastic_moduli()) for block in changing))
     for contact in following:
         contact.follow(sim.particles, largest)
 
@@ -126,12 +123,8 @@ def _viscosity(sim, frequency):
     flowing = [block for block in sim.bonds.blocks if block.opening is not None and not block.keeps_all]
     if sim.scheme.viscosity == 0.0 or not flowing:
         return 0.0
-    fastest = 0.0  # square of the speed of P waves
-    for block in flowing:
-        bulk, shear = block.stiffness()
-        stiffest = float((bulk + 4.0 / 3.0 * shear)[block.active].max(initial=0.0))
-        fastest = max(fastest, stiffest / block.material.density)
-    fastest = maximum(sim.comm, fastest)
+    squares = (block.stiffest(block.stiffness()) / block.material.density for block in flowing)
+    fastest = maximum(sim.comm, max(squares))  # square of the speed of P waves
     return sim.scheme.viscosity * frequency * sim.spacing / math.sqrt(fastest) if fastest > 0.0 else 0.0
 
 
@@ -228,7 +221,7 @@ def apply_stiffness(sim, displacement):
     sim.scheme.deform(p, sim.bonds, sim.halo, dt, dt)
     for block in sim.bonds.blocks:
         bulk, shear = block.stiffness()
-        _elastic_stress(bulk, shear, block.strain_increment, block.stress)
+        _add_elastic(bulk, shear, block.stress, block.strain_increment)
     force, held = np.zeros((2, p.total, p.dimension))
     moment = np.zeros((p.owned, p.dimension**2))
     for contact in sim.contacts:
@@ -238,11 +231,9 @@ def apply_stiffness(sim, displacement):
 
 
 @kernel
-def _elastic_stress(bulk, shear, strain, stress):
+def _add_elastic(bulk, shear, stress, strain_increment):
     for r in range(stress.shape[0]):
-        volumetric = (bulk[r] - 2.0 / 3.0 * shear[r]) * (strain[r, 0] + strain[r, 1] + strain[r, 2])
-        for c in range(stress.shape[1]):
-            stress[r, c] = 2.0 * shear[r] * strain[r, c] + (volumetric if c < 3 else 0.0)
+        add_elastic(bulk[r], shear[r], r, stress, strain_increment)
 
 
 @kernel

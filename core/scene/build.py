@@ -50,7 +50,8 @@ from periporo.core.water.flow import FlowingWater
 from periporo.errors import InputError, Problem
 from periporo.io.geometry import lattice as geometry
 from periporo.io.geometry.origin import relative, scene_origin
-from periporo.io.schema.scene import STILL, SceneInput
+from periporo.io.schema.scene import SceneInput
+from periporo.io.schema.stages import STILL
 
 SKIN = 0.3  # spacings
 
@@ -65,73 +66,23 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
     origin = scene_origin(scene)
     scene = relative(scene, origin)
     share_grounds(scene, comm)
-    particles = Particles(scene.dimension)
     materials = create_laws(scene)
     water = None if scene.pore_water is None else build_water(scene, materials)
-    materials = wetted(scene, materials, water)
-    chosen = scene.correspondence
-    options = chosen.options()
-    if "sharpened" in options:
-        options["sharpened"] *= scene.spacing  # of the grid
-    scheme = SCHEMES[chosen.scheme](scene.horizon * scene.spacing, scene.influence, **options)
-    time_step = StableTimeStep(scene.time_step.safety, scene.time_step.fixed, scene.time_step.update)
-    sim = Simulation(
-        comm, particles, materials, scheme, spacing=scene.spacing, skin=SKIN * scene.spacing, time_step=time_step
-    )
-    if chosen.balance:
-        particles.add_field(tilt_field(scene.dimension))
-        sim.preparations.append(balance)
-    sim.forces.need("external")
-    if scene.sleep is not None:
-        sim.sleep = Sleep(scene.sleep.speed, scene.sleep.steps)
-        sim.sleep.attach(particles)
-    strains = fields.StrainMeasures()
-    strains.attach(particles)
-    sim.point_processes.append(strains)
-    if any(reports(m) for m in materials):
-        dissipation = PlasticDissipation()
-        dissipation.attach(particles)
-        sim.point_processes.append(dissipation)
-    if water is not None:
-        water.attach(sim)
-        sim.point_processes.append(water)
-    rigid = [(k, c) for k, c in enumerate(scene.contacts) if c.type != "bodies"]
-    search = Search()
-    contacts = [(c, build_contact(scene, c, k, sim, search)) for k, c in rigid]
-    faces = Faces(sim, np.array([moduli_without_stress(m) for m in materials]))
-    between = _between_bodies(scene, faces, sim)
-    for contact in (*(c for _, c in contacts), *between.values()):
-        contact.attach(particles, sim.forces)
-    if between:
-        sim.point_processes.append(faces)
-        sim.reaches.append(faces.find_reach)
-        sim.preparations += [faces.share_out, lambda sim: refuse_overlaps(scene, between, sim)]
-    for stage in scene.stages:
-        if stage.type != "relax" and stage.type != "quasi_static" and stage.damping.viscous > 0.0:
-            sim.forces.need("damping")
-    if any(stage.type == "relax" for stage in scene.stages):
-        RelaxStage.attach(particles)
-    if any(stage.type == "quasi_static" for stage in scene.stages):
-        QuasiStaticStage.attach(particles)
-    if any(stage.type == "strength_reduction" for stage in scene.stages):
-        StrengthReductionStage.attach(particles)
+    sim = _empty(scene, comm, wetted(scene, materials, water))
+    particles = sim.particles
+    _attach_processes(scene, sim, water)
+    contacts, between = _attach_contacts(scene, sim)
+    _attach_stages(scene, sim)
     repulsion = build_repulsion(sim)
     repulsion.attach(particles, sim.forces)
     lattices = geometry.build_lattices(scene)
     sim.origin, sim.extent = origin, _extent(scene, lattices)
-    if scene.domain is not None or scene.failed_points == "remove":
-        everywhere = np.full(scene.dimension, -np.inf), np.full(scene.dimension, np.inf)
-        corners = everywhere if scene.domain is None else region_corners(scene.domain, scene.dimension)
-        sim.departures = Departures(*corners, failed=scene.failed_points == "remove")
-    parameters = _parameter_fields(scene, materials, lattices, sim)
-    maker = PointMaker(scene, particles, materials, water, lattices, [body for body, _ in _flying(scene)], parameters)
-    particles.replace(agreed(comm, lambda: maker.part_of(comm, bodies_at_start(scene))), 0)
-    if parameters is not None:  # what is placed later must be right now
-        agreed(comm, lambda: maker.part_of(comm, sorted(set(range(len(lattices))) - set(bodies_at_start(scene)))))
+    sim.departures = _departures(scene)
+    maker = _place_points(scene, sim, water, lattices)
     refuse_penetration(scene, contacts, sim)
     fit_jittered(scene, contacts, particles)
     if scene.initial_stress is not None:
-        sim.bonds.initial_stress = _initial_stress(scene, materials, water, lattices)
+        sim.bonds.initial_stress = _initial_stress(scene, sim.materials, water, lattices)
         sim.bonds.initial_stress_is_total = water is not None and scene.initial_stress.type == "geostatic"
     free_water = [] if water is None or water.free is None else [water.free]
     sim.stages = [_stage(scene, sim, stage, contacts, free_water, lattices) for stage in scene.stages]
@@ -148,6 +99,91 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
     if sim.stages:
         sim.contacts, sim.loads = sim.stages[0].contacts, sim.stages[0].loads
     return sim
+
+
+def _empty(scene, comm, materials) -> Simulation:
+    """A simulation with scheme and time step, but without points."""
+    chosen = scene.correspondence
+    options = chosen.options()
+    if "sharpened" in options:
+        options["sharpened"] *= scene.spacing  # of the grid
+    scheme = SCHEMES[chosen.scheme](scene.horizon * scene.spacing, scene.influence, **options)
+    time_step = StableTimeStep(scene.time_step.safety, scene.time_step.fixed, scene.time_step.update)
+    skin = SKIN * scene.spacing
+    return Simulation(
+        comm, Particles(scene.dimension), materials, scheme, spacing=scene.spacing, skin=skin, time_step=time_step
+    )
+
+
+def _attach_processes(scene, sim, water):
+    """What is kept up for the points of the scene: balance, sleep, strains, dissipation, water."""
+    if scene.correspondence.balance:
+        sim.particles.add_field(tilt_field(scene.dimension))
+        sim.preparations.append(balance)
+    sim.forces.need("external")
+    if scene.sleep is not None:
+        sim.sleep = Sleep(scene.sleep.speed, scene.sleep.steps)
+        sim.sleep.attach(sim.particles)
+    processes = [fields.StrainMeasures()]
+    if any(reports(m) for m in sim.materials):
+        processes.append(PlasticDissipation())
+    for process in processes:
+        process.attach(sim.particles)
+    sim.point_processes += processes
+    if water is not None:
+        water.attach(sim)
+        sim.point_processes.append(water)
+
+
+def _attach_contacts(scene, sim):
+    """Contacts with obstacles (entry, contact), and those between bodies by the entries that are present together."""
+    search = Search()
+    rigid = [(k, c) for k, c in enumerate(scene.contacts) if c.type != "bodies"]
+    contacts = [(c, build_contact(scene, c, k, sim, search)) for k, c in rigid]
+    faces = Faces(sim, np.array([moduli_without_stress(m) for m in sim.materials]))
+    between = _between_bodies(scene, faces, sim)
+    for contact in (*(c for _, c in contacts), *between.values()):
+        contact.attach(sim.particles, sim.forces)
+    if between:
+        sim.point_processes.append(faces)
+        sim.reaches.append(faces.find_reach)
+        sim.preparations += [faces.share_out, lambda sim: refuse_overlaps(scene, between, sim)]
+    return contacts, between
+
+
+def _attach_stages(scene, sim):
+    """Fields and forces that the stages of the scene need."""
+    if any(stage.type not in STILL and stage.damping.viscous > 0.0 for stage in scene.stages):
+        sim.forces.need("damping")
+    types = {stage.type for stage in scene.stages}
+    for kind, stage in (
+        ("relax", RelaxStage), ("quasi_static", QuasiStaticStage), ("strength_reduction", StrengthReductionStage),
+    ):  # fmt: skip
+        if kind in types:
+            stage.attach(sim.particles)
+
+
+def _departures(scene) -> Departures | None:
+    """How points leave the scene, if they may."""
+    if scene.domain is None and scene.failed_points != "remove":
+        return None
+    lower, upper = np.full(scene.dimension, -np.inf), np.full(scene.dimension, np.inf)
+    if scene.domain is not None:
+        lower, upper = region_corners(scene.domain, scene.dimension)
+    return Departures(lower, upper, failed=scene.failed_points == "remove")
+
+
+def _place_points(scene, sim, water, lattices) -> PointMaker:
+    """Place the points that are there at the start; what places those that come later."""
+    comm, materials = sim.comm, sim.materials
+    parameters = _parameter_fields(scene, materials, lattices, sim)
+    flying = [body for body, _ in _flying(scene)]
+    maker = PointMaker(scene, sim.particles, materials, water, lattices, flying, parameters)
+    first = bodies_at_start(scene)
+    sim.particles.replace(agreed(comm, lambda: maker.part_of(comm, first)), 0)
+    if parameters is not None:  # what is placed later must be right now
+        agreed(comm, lambda: maker.part_of(comm, sorted(set(range(len(lattices))) - set(first))))
+    return maker
 
 
 def _tell_reactions(scene, sim, contacts, lattices):

@@ -158,9 +158,7 @@ def wave_speeds(sim) -> np.ndarray:
     """Largest speed of compression waves in each material at present, (materials,) m/s."""
     speeds = np.zeros(len(sim.materials))
     for block in sim.bonds.blocks:
-        bulk, shear = block.material.elastic_moduli(block.stress, block.state)
-        stiffest = float((bulk + 4.0 / 3.0 * shear)[block.active].max(initial=0.0))
-        speeds[block.index] = np.sqrt(stiffest / block.material.density)
+        speeds[block.index] = np.sqrt(block.stiffest(block.elastic_moduli()) / block.material.density)
     sim.comm.Allreduce(MPI.IN_PLACE, speeds, MPI.MAX)
     speeds[speeds == 0.0] = np.inf  # without bonds there are no waves
     return speeds

@@ -1,79 +1,24 @@
-"""What no single key can tell: parameters fit their laws, names exist, vectors suit the dimension."""
+"""What no single key can tell: names exist, vectors suit the dimension, stages have what they need."""
 
 from collections.abc import Iterator
-from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ValidationError
 
 from periporo.core.numerics.histories import drift
 from periporo.errors import Path, Problem, choice
 from periporo.io.geometry.checks import geometry_problems
-from periporo.io.geometry.fields import typical_value
 from periporo.io.schema.base import AccelerationComponents, MotionComponents, Region, SceneModel
 from periporo.io.schema.bodies import Body, Polygon, Raster, StressComponents
 from periporo.io.schema.contacts import Absorb, Boundary, Tie, Traction, WaterAtFaces
-from periporo.io.schema.errors import model_problems, problems_of
-from periporo.io.schema.fields import field_schema, is_field, read_field
 from periporo.io.schema.obstacles import Free, Rotation, TerrainContact
-from periporo.io.schema.scene import POINT_SCHEMES, STILL, SceneInput
+from periporo.io.schema.scene import POINT_SCHEMES, SceneInput
+from periporo.io.schema.stages import STILL
 from periporo.materials import registry
 
 _DRIFT = 0.05  # of the largest velocity, or displacement, that a record may leave
 _ONLY_IN_2D = ("disc", "polyline", "wedge")
 _ONLY_IN_3D = ("cylinder", "sphere", "raster", "mesh", "terrain", "cone")
-
-
-def material_problems(data: Any, folder: FilePath) -> list[Problem]:
-    """What the laws that a scene's raw `data` name find wrong with their parameters; files lie relative to `folder`."""
-    materials = data.get("materials") if isinstance(data, dict) else None
-    problems = []
-    for name, entry in materials.items() if isinstance(materials, dict) else ():
-        if isinstance(entry, dict) and isinstance(entry.get("model"), str):
-            path = ("materials", name)
-            parameters, wrong = _without_fields(path, entry, folder)
-            problems += wrong or _law_problems(path, parameters)
-    return problems
-
-
-def _without_fields(path: Path, entry: dict[str, Any], folder: FilePath) -> tuple[dict[str, Any], list[Problem]]:
-    """Parameters with a number in place of each field, and what is wrong with the fields."""
-    parameters, problems = dict(entry), []
-    for name, value in entry.items():
-        if not is_field(value):
-            continue
-        try:
-            parameters[name] = typical_value(read_field(value, folder))
-        except ValidationError as error:
-            found = problems_of(error, field_schema(), value)
-            problems += [Problem((*path, name, *(part for part in p.path if part != value["field"])), p.message)
-                         for p in found]  # fmt: skip
-        except (ValueError, OSError) as error:
-            problems.append(Problem((*path, name), str(error)))
-    return parameters, problems
-
-
-def _law_problems(path: Path, parameters: dict[str, Any]) -> list[Problem]:
-    model = parameters.pop("model")
-    try:
-        law = registry.load(model)
-    except KeyError:
-        message = (
-            f"no material model of this name is installed; {choice(model, sorted(registry.available()))}"
-        )
-        return [Problem((*path, "model"), message)]
-    except ImportError as error:
-        moved = (error.name or "").startswith("periporo.")
-        hint = "; what a law needs of periporo is in periporo.materials" if moved else ""
-        return [Problem((*path, "model"), f"the material model '{model}' cannot be imported: {error}{hint}")]
-    if isinstance(law, type) and issubclass(law, BaseModel):
-        return [Problem((*path, *p.path), p.message) for p in model_problems(law, parameters)]
-    try:
-        law(**parameters)
-    except (TypeError, ValueError) as error:
-        return [Problem(path, f"the material model '{model}' refuses its parameters: {error}")]
-    return []
 
 
 def scene_problems(scene: SceneInput) -> list[Problem]:

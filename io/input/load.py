@@ -8,7 +8,8 @@ import numpy as np
 from pydantic import ValidationError
 
 from periporo.errors import InputError, Problem
-from periporo.io.input.checks import material_problems, scene_problems
+from periporo.io.input.checks import scene_problems
+from periporo.io.input.laws import material_problems
 from periporo.io.input.yaml_source import YamlSource, read_yaml
 from periporo.io.schema.errors import problems_of
 from periporo.io.schema.scene import SceneInput, scene_schema

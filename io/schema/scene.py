@@ -1,4 +1,4 @@
-"""A complete scene: what may be said of it as a whole, of its stages, and of the run."""
+"""A complete scene: what may be said of it as a whole, and of the run."""
 
 from copy import deepcopy
 from functools import cache
@@ -6,7 +6,7 @@ from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, model_validator
 
 from periporo.io.schema.base import (
     Acceleration,
@@ -17,13 +17,13 @@ from periporo.io.schema.base import (
     OpenPosition,
     Position,
     Real,
-    Region,
     SceneModel,
     Text,
     key,
 )
 from periporo.io.schema.bodies import Body, InitialStress, MaterialInput
 from periporo.io.schema.contacts import Boundary, Contact
+from periporo.io.schema.stages import Stage
 from periporo.io.schema.water import PoreWater
 
 _RESULT_SUFFIXES = (".vtkhdf", ".h5", ".hdf5")
@@ -38,100 +38,6 @@ def _inside_the_working_folder(name: str) -> str:
     if path.suffix not in _RESULT_SUFFIXES:
         raise ValueError(f"{name!r} must end in one of {', '.join(_RESULT_SUFFIXES)}")
     return name
-
-
-class _Stage(SceneModel):
-    """What every stage has."""
-
-    name: Name = key("name of the stage")
-    remove: tuple[Region, ...] = key(
-        "what is dug away when it begins: the points that lay in any of these regions at the start", default=(),
-        max_length=1000,
-    )
-    place: tuple[Name, ...] = key("bodies that come when it begins, without stress", default=(), max_length=1000)
-
-
-class RelaxStage(_Stage):
-    """Quasi-static relaxation to equilibrium."""
-
-    type: Literal["relax"] = key("kind of stage")
-    tolerance: Real = key(
-        "out-of-balance force over load at which it ends", "1", default=1e-4, ge=1e-14, le=0.1
-    )
-    max_steps: Integer = key("steps after which it is given up", default=200_000, ge=1, le=10**9)
-    max_displacement: Real = key(
-        "way of a point, over the shortest side of its body, beyond which it flows and the run ends", "1",
-        default=0.1, gt=0, le=1e6,
-    )
-    reset_displacement: Flag = key("count displacements from its end", default=False)
-    boundaries: tuple[Name, ...] = key("boundary conditions in force", default=())
-
-
-class ViscousDamping(SceneModel):
-    """Damping in proportion to mass and velocity."""
-
-    viscous: Real = key("rate at which free motion decays", "1/s", default=0.0, ge=0, le=1e9)
-
-
-class DynamicsStage(_Stage):
-    """Motion in real time."""
-
-    type: Literal["dynamics"] = key("kind of stage")
-    duration: Real = key("duration", "s", gt=0, le=1e9)
-    boundaries: tuple[Name, ...] = key("boundary conditions in force", default=())
-    damping: ViscousDamping = key("damping of the motion", default=ViscousDamping())
-    stop_when_at_rest: Real | None = key(
-        "end early when the kinetic energy falls to this fraction of its peak", "1", default=None, gt=0, lt=1
-    )
-
-
-class QuasiStaticStage(_Stage):
-    """Hours or days in which water flows while the soil stays in equilibrium, in increments of physical time.
-
-    It ends early where no equilibrium is found any more; what follows begins at that time. Boundaries that move stand
-    still.
-    """
-
-    type: Literal["quasi_static"] = key("kind of stage")
-    duration: Real = key("duration", "s", gt=0, le=1e12)
-    accuracy: Real = key(
-        "error of the pressure in an increment, over the largest pressure, by which its length is chosen", "1",
-        default=0.02, ge=1e-6, le=0.5,
-    )
-    tolerance: Real = key(
-        "out-of-balance force over load up to which it is equilibrium", "1", default=1e-4, ge=1e-14, le=0.1
-    )
-    max_steps: Integer = key(
-        "steps in search of equilibrium, in an increment, after which it is lost", default=10_000, ge=1, le=10**9
-    )
-    boundaries: tuple[Name, ...] = key("boundary conditions in force", default=())
-
-
-class StrengthReductionStage(_Stage):
-    """Trials with weaker and weaker soil that look for the factor of safety; its results show the failure.
-
-    All trials begin with the state in which the stage begins. Cohesion and tan(phi) are divided by the factor, of every
-    law that says how; laws without strength stay as they are.
-    """
-
-    type: Literal["strength_reduction"] = key("kind of stage")
-    trial: Real = key("duration of a trial", "s", gt=0, le=1e9)
-    damping: ViscousDamping = key("damping of the motion; it needs some to come to rest")
-    moving: Real = key(
-        "speed that tells failure at the end of a trial, over that of free fall, gravity over viscous damping", "1",
-        default=1e-3, gt=0, lt=1,
-    )
-    accuracy: Real = key("width of the bracket of the factor, over the factor", "1", default=0.02, gt=0, lt=1)
-    largest: Real = key("largest factor that is tried", "1", default=5.0, gt=1, le=1e3)
-    boundaries: tuple[Name, ...] = key("boundary conditions in force", default=())
-
-
-STILL = ("relax", "quasi_static")
-"""Stages in which what is prescribed stands still."""
-
-Stage = Annotated[
-    RelaxStage | DynamicsStage | QuasiStaticStage | StrengthReductionStage, Field(discriminator="type")
-]
 
 
 SchemeName = Literal["bond_projected", "point_state", "standard", "sub_horizon", "sub_horizon_published"]

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from periporo.core.motion.rebuilds import adapt_skin, neighbours_are_stale
+
 SPACING = 0.01
 
 
@@ -13,8 +15,7 @@ def run(cloud, grid, steps=150, skin=0.3, shift=0.0, order=None):
     velocity = np.stack([4.0 - 60.0 * (position - middle)[:, 1], 60.0 * (position - middle)[:, 0]], axis=1)
     velocity += 0.3 * np.random.default_rng(7).normal(size=velocity.shape)
     sim = cloud(position + shift, velocity=velocity, fixed=2e-5, start=False)
-    sim.skin = skin * SPACING
-    sim._adapt_skin = lambda: None
+    sim.skin = sim.largest_skin = skin * SPACING
     if order is not None:
         rows = {name: array[order] for name, array in sim.particles.take(np.arange(30)).items()}
         sim.particles.replace(rows, 0)
@@ -97,22 +98,22 @@ def test_clock_does_not_drift(cloud):
 def test_neighbours_go_stale_at_half_the_skin(cloud, grid):
     sim = cloud(grid(4, 4, spacing=SPACING), fixed=1e-6)
     for moved, stale in ((0.499, False), (0.501, True), (np.nan, True)):
-        sim._moved = moved * sim.skin
-        assert sim.neighbours_are_stale() is stale
+        sim.moved = moved * sim.skin
+        assert neighbours_are_stale(sim) is stale
 
 
 def test_skin_follows_the_motion_and_shows_in_no_bit(cloud, grid):
     fast = run(cloud, grid, skin=0.1)
     adaptive, thick = (cloud(grid(6, 5, spacing=SPACING, jitter=0.15), velocity=fast.particles.velocity, fixed=2e-5)
                        for _ in range(2))  # fmt: skip
-    thick._adapt_skin = lambda: setattr(thick, "skin", thick.largest_skin)
+    thick.skin = thick.largest_skin
     for _ in range(150):
         adaptive.step()
         thick.step()
     assert adaptive.skin == adaptive.largest_skin  # many rebuilds made it thick
     assert (adaptive.particles.position == thick.particles.position).all()
     adaptive.rebuilt_at = adaptive.step_number - 1000
-    adaptive._adapt_skin()
+    adapt_skin(adaptive)
     assert adaptive.skin == pytest.approx(0.7 * adaptive.largest_skin)
 
 

@@ -5,6 +5,7 @@ import pytest
 from mpi4py import MPI
 
 from periporo.core.bonds.rows import BOTH, FIRST, SECOND
+from periporo.core.motion.rebuilds import rebuild
 from periporo.core.points.material import StateField
 from periporo.materials.elastic import Elastic
 
@@ -63,7 +64,7 @@ def randomise(block, seed=0):
 def move(sim, displacement):
     """Displace the points and find the neighbours anew; what the bonds carried through the rebuild."""
     sim.particles.position[: sim.particles.owned] += displacement
-    sim.rebuild()
+    rebuild(sim)
     carried = by_ids(sim, sim.bonds.blocks[0])
     deform(sim)
     return carried

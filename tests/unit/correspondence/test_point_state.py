@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 from periporo.core.correspondence.point_state import PointState
 from periporo.core.loads.boundary import Motion
+from periporo.core.motion.rebuilds import rebuild
 from periporo.core.motion.timestep import apply_stiffness
 from periporo.core.numerics.tensors import to_matrix
 from periporo.core.watch import state
@@ -327,7 +328,7 @@ def test_links_start_at_zero_and_last_through_rebuilds_and_checkpoints(make, tmp
         zip(map(tuple, sim.bonds.pairs.ids[links.active].tolist()), links.stress[links.active, 0], strict=True)
     )
     p.position += 0.2 * SPACING * random.uniform(-1, 1, p.position.shape)
-    sim.rebuild()
+    rebuild(sim)
     for key, number, live in zip(
         map(tuple, sim.bonds.pairs.ids.tolist()), links.stress[:, 0], links.active, strict=True
     ):

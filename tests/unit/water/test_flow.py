@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from periporo.core.motion.rebuilds import rebuild
 from periporo.core.numerics.jit import kernel
 from periporo.core.water.conductance import pair_conductance
 from periporo.core.water.flow import FlowingWater
@@ -73,7 +74,7 @@ def test_compressed_points_conduct_as_before(scene_of, started):
     p = sim.particles
     p.position[:, 1] *= 0.7
     p.volume *= 0.7
-    sim.rebuild()
+    rebuild(sim)
     sim.evaluate_forces()
     moments, _ = second_moments(sim)
     p = sim.particles

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from periporo.core.motion.rebuilds import rebuild
 from periporo.core.points.forces import WORK
 from periporo.core.water.pore_water import bonding_variable
 from periporo.core.water.retention import RETENTION, of_voids
@@ -144,8 +145,8 @@ def test_internal_work_is_that_of_the_total_stress(scene_of, started, cam_clay_i
         soft = cam_clay_input | {"bulk_modulus": 3e5, "shear_modulus": 1e5, "preconsolidation": 1e7}
         scene = wet(scene_of, soft, contacts=[], time_step={"fixed": dt}, correspondence="bond_projected")
         sim = started(scene)
-        sim._adapt_skin = lambda sim=sim: setattr(sim, "skin", sim.largest_skin)  # the rows must stay
-        sim.rebuild()
+        sim.skin = sim.largest_skin  # the rows must stay
+        rebuild(sim)
         sim.step()
         rebuilds, before = sim.rebuild_count, sim.particles.work[:, WORK.index("internal")].sum()
         block, p = sim.bonds.blocks[0], sim.particles
