@@ -216,17 +216,29 @@ class BodiesContact:
         return np.array(lower), np.array(upper)
 
     def _renew(self, p):
-        """After a rebuild, faces for points that came to a surface, such that nothing presses that did not before."""
+        """After a rebuild, faces for points that came to a surface, such that nothing presses that did not before.
+
+        A point that lies so that no face of its own depth can do without keeps what it has.
+        """
         sim = self._sim
         if sim.rebuilt_at != sim.step_number or sim.rebuild_count == self._renewed_in:
             return
         self._renewed_in = sim.rebuild_count
         pairs = self.stiffness > 0.0
         touched = self._overlaps(p, pairs, WIDTH) > _TOUCH * sim.spacing
+        before = p.face[: p.owned].copy()
         renewed = self.faces.renew(p, self._rows, touched)
-        self.faces.know(p)
         sim.halo.update(p, "face")
-        self._draw_back(p, pairs, renewed, 1.0)
+        while any_rank(sim.comm, renewed.any()):
+            self._draw_back(p, pairs, renewed, 1.0)
+            presses = self._overlaps(p, pairs, WIDTH) > _TOUCH * sim.spacing
+            given_up = renewed[: p.owned] & (presses[: p.owned] | ~(p.face[: p.owned, 1] > 0.0))
+            if not any_rank(sim.comm, given_up.any()):
+                break
+            p.face[: p.owned][given_up] = before[given_up]
+            renewed[: p.owned][given_up] = False
+            sim.halo.update(p, "face")
+        self.faces.know(p)
 
     def _draw_back(self, p, pairs, rows, part):
         """Make the depths of the points `rows` (total,) less by this part of their overlaps, so that they vanish."""

@@ -14,6 +14,8 @@ from periporo.core.points.neighbours import Pairs
 from periporo.core.points.particles import Field, Particles, rows_of
 from periporo.core.ranks.halving import exchange_rows
 
+_NO_POINTS = np.empty(0, np.int64)
+
 
 @dataclass(frozen=True)
 class Refusal:
@@ -163,7 +165,7 @@ class Bonds:
 
         Each row is counted where its first end is among the `owned`.
         """
-        count, points = 0, [np.empty(0, np.int64)]
+        count, points = 0, _NO_POINTS
         for block in self.blocks:
             while block.failed:
                 rows = block.failed.pop()
@@ -171,8 +173,8 @@ class Bonds:
                 index, first, second, _ = self.layout.holders(block, self.pairs)
                 ends = first[index[rows]].astype(np.int64), second[index[rows]].astype(np.int64)
                 count += int(np.count_nonzero(ends[0] < owned))
-                points += [end[end < owned] for end in ends]
-        return count, np.unique(np.concatenate(points))
+                points = np.union1d(points, np.concatenate([end[end < owned] for end in ends]))
+        return count, points
 
     def average(self, particles: Particles, points: np.ndarray) -> None:
         """Average stress and state of the active rows of each owned point in `points` (rows), per block.

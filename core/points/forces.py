@@ -1,5 +1,7 @@
 """Forces on points, in channels that the energy ledger tells apart."""
 
+from functools import reduce
+
 import numpy as np
 
 from periporo.core.numerics.jit import kernel
@@ -54,7 +56,7 @@ class ForceChannels:
 
     def moment(self) -> np.ndarray | None:
         """Sum of all moments of loads on faces, (owned, d^2) N m, or None if no channel has such loads."""
-        return np.sum(self.moments(), axis=0) if self.on_faces else None
+        return reduce(np.add, self.moments()) if self.on_faces else None
 
     def clear(self) -> None:
         """No load any more; the internal force stays."""
@@ -67,8 +69,9 @@ class ForceChannels:
     def book_moments(self, dt: float) -> None:
         """Give channels the work of their moments in `dt` s, at the points' velocity gradients."""
         p = self._particles
-        for name, moment in zip(self.on_faces, self.moments(), strict=True):
-            _book_moments(p.owned, dt, moment, p.gradient, p.work, WORK.index(name), INTERNAL)
+        if self.on_faces:
+            columns = tuple(WORK.index(name) for name in self.on_faces)
+            _book_moments(p.owned, dt, tuple(self.moments()), p.gradient, p.work, columns, INTERNAL, p.dim)
 
     def total(self) -> np.ndarray:
         """Sum of all channels on the owned points, (owned, d) N."""
@@ -77,10 +80,12 @@ class ForceChannels:
 
 
 @kernel
-def _book_moments(owned, dt, moment, gradient, work, column, internal):
+def _book_moments(owned, dt, moments, gradient, work, columns, internal, dim):
     for i in range(owned):
-        done = 0.0
-        for c in range(moment.shape[1]):
-            done += dt * moment[i, c] * gradient[i, c]
-        work[i, column] += done
-        work[i, internal] -= done
+        for c, moment in enumerate(moments):
+            done = 0.0
+            for k in range(len(dim) ** 2):
+                done += dt * moment[i, k] * gradient[i, k]
+            if done != 0.0:  # most points bear none, or NaN
+                work[i, columns[c]] += done
+                work[i, internal] -= done

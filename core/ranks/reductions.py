@@ -12,6 +12,8 @@ _MAGNITUDE = np.int64(2**63 - 1)  # all bits of a float64 but that of its sign
 
 def maximum(comm: MPI.Comm, value: float) -> float:
     """Largest value over ranks; NaN on any rank gives NaN."""
+    if comm.size == 1:
+        return float(value)
     local = np.array([value, 1.0 if math.isnan(value) else 0.0])
     if local[1]:
         local[0] = -math.inf
@@ -21,6 +23,8 @@ def maximum(comm: MPI.Comm, value: float) -> float:
 
 def maxima(comm: MPI.Comm, values: np.ndarray) -> np.ndarray:
     """Largest of each of the `values` (n,) over ranks, as `maximum`."""
+    if comm.size == 1:
+        return values
     both = np.stack([np.where(np.isnan(values), -np.inf, values), np.isnan(values)])
     comm.Allreduce(MPI.IN_PLACE, both, MPI.MAX)
     return np.where(both[1] > 0.0, np.nan, both[0])
@@ -33,7 +37,7 @@ def minimum(comm: MPI.Comm, value: float) -> float:
 
 def any_rank(comm: MPI.Comm, flag: bool) -> bool:
     """Whether `flag` holds on at least one rank."""
-    return bool(comm.allreduce(bool(flag), MPI.LOR))
+    return bool(flag) if comm.size == 1 else bool(comm.allreduce(bool(flag), MPI.LOR))
 
 
 def exact_sum(comm: MPI.Comm, values: np.ndarray) -> np.ndarray:

@@ -386,6 +386,23 @@ def test_torn_bodies_get_new_faces():
     assert p.face[middle, 1] == pytest.approx(0.5 * H)
 
 
+def test_a_grain_in_a_cleft_of_a_torn_body_is_not_pushed_by_new_faces():
+    """It lies deep behind what the corners of the cleft would get for a face, so that no depth would keep these apart.
+    """
+    sim = started(scene_of([box([0, 0], [0.2, 0.2]), box([0, 0.3], [0.2, 0.5])]))
+    p = sim.particles
+    x, y = (p.position / H).T
+    p.position[(p.body == 0) & ((y > 4.0) | (abs(x - 4.5) < 0.1) & (y > 2.0)), 1] += 1.0
+    grain = np.flatnonzero((p.body == 1) & (abs(x - 4.5) < 0.1) & (abs(y - 16.5) < 0.1))
+    p.position[grain] = [4.5 * H, 2.5 * H]
+    sim.dt = 0.0
+    sim.rebuild()
+    sim.evaluate_forces()
+    assert len(grain) == 1 and (p.face[:, 1] > 0.0).all()
+    assert np.abs(p.contact_force).max() < 1e-9 * SOFT["bulk_modulus"] * H
+    assert (p.face[:, 1] < 0.49 * H).sum() == 2  # of the walls, which have drawn back from it
+
+
 def test_nothing_is_done_while_nothing_is_near():
     scene = sled(0.5, 0.0)
     scene["bodies"][1]["shape"] = {"type": "box", "lower": [0.1, 0.25], "upper": [0.4, 0.35]}
