@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 
 from . import (
+    biaxial,
+    buckling,
     closed_forms,
     collapse,
     columns,
@@ -74,6 +76,8 @@ CASES = (
     Case("V12", closed_forms.constant_pressure_shear),
     Case("V13", closed_forms.undrained_critical_state),
     Case("V14", closed_forms.oedometer),
+    Case("V23", buckling.column),
+    Case("V24", buckling.post_buckling),
     Case("V15", sliding.incline),
     Case("V15", sliding.sticking),
     Case("V15", sliding.stopping),
@@ -86,6 +90,7 @@ CASES = (
     Case("V22", surfaces.resting_column),
     Case("V22", surfaces.strip_load),
     Case("V22", surfaces.pushed_footing),
+    Case("V25", biaxial.bands),
     Case("collapse", collapse.collapse),
     Case("C1", contacts.waves_through_contact),
     Case("C2", contacts.line_contact),
