@@ -5,6 +5,7 @@ flow with psi in place of phi (de Souza Neto, Peric & Owen 2008, section 8.2), c
 friction it is Tresca's law of undrained clay.
 """
 
+import functools
 import math
 from typing import Annotated, Self
 
@@ -131,7 +132,7 @@ class MohrCoulomb(MaterialParameters):
     @property
     def remembers(self) -> bool:
         """Whether the strength follows the strain or its rate, so that stress is not all that a row remembers."""
-        return self.rate_coefficient > 0.0 or len(strains_of(*self._strength)) > 1
+        return self.rate_coefficient > 0.0 or self.table().shape[1] > 1
 
     @property
     def exchanges_stress(self) -> bool:
@@ -153,14 +154,11 @@ class MohrCoulomb(MaterialParameters):
         return (PLASTIC_SHEAR.name,) if self.remembers else ()
 
     def table(self) -> np.ndarray:
-        """Plastic shear strains (m,), and there sin(phi), 2 c cos(phi) in Pa and sin(psi): (4, m).
+        """Plastic shear strains (m,), and there sin(phi), 2 c cos(phi) in Pa and sin(psi): (4, m), not to be changed.
 
         In between, these are linear.
         """
-        strain = strains_of(*self._strength)
-        cohesion, phi, psi = (values_at(p, strain) for p in self._strength)
-        phi, psi = np.radians(phi), np.radians(psi)
-        return np.array([strain, np.sin(phi), 2.0 * cohesion * np.cos(phi), np.sin(psi)])
+        return _table(*self._strength)
 
     def weakened(self, factor: float) -> Self:
         """The law with cohesion, tan(friction_angle), tan(dilation_angle) and cut-off divided by `factor`."""
@@ -243,3 +241,11 @@ class MohrCoulomb(MaterialParameters):
         q = 3.0 * (strength - 2.0 * sine * p) / (3.0 - sine)
         q[0] = 0.0
         return p, q
+
+
+@functools.lru_cache(maxsize=4096)
+def _table(*strength: float | StrainTable) -> np.ndarray:
+    strain = strains_of(*strength)
+    cohesion, phi, psi = (values_at(p, strain) for p in strength)
+    phi, psi = np.radians(phi), np.radians(psi)
+    return np.array([strain, np.sin(phi), 2.0 * cohesion * np.cos(phi), np.sin(psi)])
