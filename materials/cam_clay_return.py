@@ -137,17 +137,18 @@ def _secant_bulk(swelling, minimum, b, stress, strain_increment):
 
 
 @inlined
-def _return_tile(tile):
+def _return_tile(tile, dt):
     """`_return_to_yield` of all lanes at once: from p_trial, a^2, P_n, stiffening to x, w, P, and 1 where it is done.
 
-    The bulk modulus, c and V are quantities `_ELASTIC` ... of the lanes.
+    The bulk modulus, c and 4 eta are quantities `_ELASTIC` ... of the lanes.
 
     A fixed number of Newton steps without a branch. A lane that has not arrived by then, leaves the ellipse or needs
     more than the series of the exponential gives up.
     """
     for k in range(LANES):
         p_trial, a2, size_start, stiffening = la.from_lane(tile, 0, k, (0.0, 0.0, 0.0, 0.0))
-        bulk, c, overstress = la.from_lane(tile, _ELASTIC, k, (0.0, 0.0, 0.0))
+        bulk, c, viscosity = la.from_lane(tile, _ELASTIC, k, (0.0, 0.0, 0.0))
+        overstress = viscosity / (c * dt)
         x, w, size = 0.0, 1.0, size_start
         found = 1.0
         for iteration in range(_ROUNDS):
@@ -200,9 +201,10 @@ def _add_elastic(bulk, shear, b, stress, strain_increment):
 
 
 @inlined
-def _bonded(unbonded, minimum, index, state, b, column, n):
-    """Size, floor and stiffening of row b with the numbers `n`, those of unbonded soil where there is no bonding."""
+def _bonded(unbonded, minimum, index, state, b, column, numbers, r):
+    """Size, floor and stiffening of row b with `numbers` r, those of unbonded soil where there is no bonding."""
     if column >= 0 and state[b, column] != 0.0:
+        n = numbers[r]
         b1, b2 = bonding_exponents(state[b, column], n[6], n[7], n[8], n[9], n[10])
         return bonded_size(unbonded, b1, b2), bonded_size(minimum, b1, b2), index * b2
     return unbonded, minimum, index
@@ -218,39 +220,41 @@ def advance(numbers, dt, stress, strain_increment, state, bonding_column, dissip
     own = numbers.shape[0] > 1
     tile, rows, used = np.ones(_QUANTITIES * LANES), np.zeros(LANES, np.int64), 0
     for b in range(stress.shape[0]):
-        n = numbers[b if own else 0]
+        r = b if own else 0
         if dissipation_column >= 0:
             state[b, dissipation_column] = 0.0
-        bulk, shear, per_slope, minimum, index = n[0], n[1], n[2], n[4], n[5]
-        if n[11] > 0.0:
-            bulk = _secant_bulk(n[11], minimum, b, stress, strain_increment)
+        bulk, shear, per_slope = numbers[r, 0], numbers[r, 1], numbers[r, 2]
+        minimum, index = numbers[r, 4], numbers[r, 5]
+        if numbers[r, 11] > 0.0:
+            bulk = _secant_bulk(numbers[r, 11], minimum, b, stress, strain_increment)
             shear *= bulk
         p_trial, q_squared = _add_elastic(bulk, shear, b, stress, strain_increment)
         a2 = 2.0 / 3.0 * per_slope * q_squared
         unbonded = minimum if -state[b, 0] < minimum else -state[b, 0]  # keeps NaN, unlike max
-        size, floor, stiffening = _bonded(unbonded, minimum, index, state, b, bonding_column, n)
+        size, floor, stiffening = _bonded(unbonded, minimum, index, state, b, bonding_column, numbers, r)
         if 0.25 * a2 + p_trial * (p_trial + size) > _YIELD_TOLERANCE * size * size:
             c = per_slope * shear
             la.to_lane(tile, 0, used, (p_trial, a2, size, stiffening))
-            la.to_lane(tile, 8, used, (floor, bulk, c, n[3] / (c * dt)))
+            la.to_lane(tile, 8, used, (floor, bulk, c, numbers[r, 3]))
             rows[used] = b
             used += 1
         if used < LANES and (b < stress.shape[0] - 1 or used == 0):
             continue
-        _return_tile(tile)
+        _return_tile(tile, dt)
         for k in range(used):
-            n = numbers[rows[k] if own else 0]
-            _take_back(tile, k, rows[k], n[4], n[5], stress, state, dissipation_column)
+            r = rows[k] if own else 0
+            _take_back(tile, k, rows[k], dt, numbers[r, 4], numbers[r, 5], stress, state, dissipation_column)
         used = 0
 
 
 @inlined
-def _take_back(tile, k, b, minimum, index, stress, state, dissipation_column):
+def _take_back(tile, k, b, dt, minimum, index, stress, state, dissipation_column):
     """Write stress and p_c of lane k to row b, after a return of its own where the tile found none."""
     p_trial, a2, size, stiffening = la.from_lane(tile, 0, k, (0.0, 0.0, 0.0, 0.0))
     x, w, new_size, found = la.from_lane(tile, 4, k, (0.0, 0.0, 0.0, 0.0))
-    floor, bulk, c, overstress = la.from_lane(tile, 8, k, (0.0, 0.0, 0.0, 0.0))
+    floor, bulk, c, viscosity = la.from_lane(tile, 8, k, (0.0, 0.0, 0.0, 0.0))
     if found == 0.0 or new_size < floor:
+        overstress = viscosity / (c * dt)
         x, w, new_size = _return_to_yield(p_trial, a2, size, floor, bulk, c, stiffening, overstress)
     p = p_trial - bulk * x
     for m in range(3):
