@@ -195,7 +195,8 @@ def _advance_row(y, strain, sand, small, lowest, tolerance, most, work, reports)
 def _numbers_of(numbers, b):
     """Constants, numbers of small strains, smallest pressure, tolerance and most substeps of row b."""
     n = numbers[b if numbers.shape[0] > 1 else 0]
-    return (n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8]), (n[9], n[10], n[11], n[12], n[13]), n[14], n[15], n[16]
+    sand = n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8]
+    return sand, (n[9], n[10], n[11], n[12], n[13]), n[14], n[15], n[16]
 
 
 @kernel

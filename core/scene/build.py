@@ -17,6 +17,7 @@ from periporo.core.loads.boundary import Gravity, PrescribedMotion, Traction, Vi
 from periporo.core.loads.reactions import BoundaryReactions
 from periporo.core.loads.tied import Tied
 from periporo.core.motion.dissipation import PlasticDissipation, reports
+from periporo.core.motion.nonlocal_strain import NonlocalStrain, averaged
 from periporo.core.motion.quasi_static import QuasiStaticStage
 from periporo.core.motion.sleep import Sleep
 from periporo.core.motion.stages import DynamicsStage, RelaxStage
@@ -92,6 +93,10 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
         dissipation = PlasticDissipation()
         dissipation.attach(particles)
         sim.point_processes.append(dissipation)
+    if any(averaged(m) for m in materials):
+        shared = NonlocalStrain()
+        shared.attach(sim)
+        sim.point_processes.append(shared)
     if water is not None:
         water.attach(sim)
         sim.point_processes.append(water)
