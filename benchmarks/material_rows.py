@@ -44,10 +44,10 @@ def softening():
 
 
 def varied(law, count):
-    """The law with another shear modulus in each row."""
-    moduli = law.shear_modulus * np.linspace(0.9, 1.1, count)[:, None]
-    whole = VariedLaw(law, ("shear_modulus",), lambda values: law.model_copy(update={"shear_modulus": values[0]}))
-    return whole.for_rows(moduli)
+    """The law with another stiffness in each row."""
+    name = "shear_modulus" if hasattr(law, "shear_modulus") else "hardness"
+    values = getattr(law, name) * np.linspace(0.9, 1.1, count)[:, None]
+    return VariedLaw(law, (name,), lambda own: law.model_copy(update={name: own[0]})).for_rows(values)
 
 
 def nanoseconds(laws, count, components, strain):
@@ -80,7 +80,7 @@ def main(words=None):
         "cam_clay, eta = 1e3": clay,
         "cam_clay, eta = 1e8": clay.model_copy(update={"viscosity": 1e8}),
     }
-    for name in ("elastic", "drucker_prager", "cam_clay, eta = 1e3"):
+    for name in ("elastic", "drucker_prager", "cam_clay, eta = 1e3", "hypoplastic_sand"):
         laws[f"{name}, varied"] = varied(laws[name], count)
     for strain, what in ((1e-6, "small steps"), (1e-4, "large steps"), (-1e-6, "unloading")):
         print(f"{what:28} {'4 components':>20} {'6 components':>20}   ns per row, and over drucker_prager")

@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from periporo.core.numerics.tensors import dimension_of, equivalent_shear, mean
 from periporo.core.points.material import BONDING, OPENED, StateField
 from periporo.materials.base import MaterialParameters, units
-from periporo.materials.cam_clay_return import advance, advance_each, bonded_size, bonding_exponents
+from periporo.materials.cam_clay_return import advance, bonded_size, bonding_exponents
 from periporo.materials.friction import FrictionAngles, angles_of_cone, shown
 
 _PRESSURE, _DENSITY, _NUMBER, _VISCOSITY = units("Pa", "kg/m^3", "1", "Pa^3 s")
@@ -155,33 +155,32 @@ class CamClay(MaterialParameters):
         """
         if not dt > 0:
             raise ValueError(f"the time step must be positive (infinite: rate-independent limit), not {dt}")
-        bulk, shear = self.bulk_modulus or 1.0, self.shear_modulus or 1.0
-        advance(
-            bulk,
-            shear,
-            self.critical_state_slope,
-            self.viscosity / dt,
-            self.minimum_preconsolidation,
-            self._bonding_parameters(),
-            stress,
-            strain_increment,
-            state,
-            1 if self.unsaturated else -1,
-            1 + self.unsaturated if self.report_dissipation else -1,
-            self._elasticity(dt),
-        )
+        advance(self._numbers()[None], dt, stress, strain_increment, state, *self._columns)
+
+    @property
+    def _columns(self) -> tuple[int, int]:
+        """Those of bonding and dissipation, -1 where there is none."""
+        return 1 if self.unsaturated else -1, 1 + self.unsaturated if self.report_dissipation else -1
+
+    def _numbers(self) -> np.ndarray:
+        """What the return needs to know of the parameters (12,): see `advance`."""
+        follows = self.poisson_ratio is not None
+        return np.array([
+            0.0 if follows else self.bulk_modulus, self._shear_ratio if follows else self.shear_modulus,
+            6.0 / self.critical_state_slope**2, 4.0 * self.viscosity, self.minimum_preconsolidation,
+            1.0 / (self.compression_index - self.swelling_index), *self._bonding_parameters(),
+            self.swelling_index if follows else 0.0,
+        ])  # fmt: skip
 
     @classmethod
     def of_rows(cls, laws, components):
-        """What answers for rows of which each has one of the `laws`; None where K follows the pressure."""
-        return None if laws[0].poisson_ratio is not None else _CamClayRows(laws)
+        """What answers for rows of which each has one of the `laws`."""
+        return _CamClayRows(laws)
 
-    def _elasticity(self, dt: float = math.inf) -> tuple[float, ...]:
-        """kappa, G/K, 6 G/(K M^2), 4 eta/dt where K follows the pressure; nothing where the moduli are constant."""
-        if self.poisson_ratio is None:
-            return ()
-        ratio = 1.5 * (1.0 - 2.0 * self.poisson_ratio) / (1.0 + self.poisson_ratio)
-        return self.swelling_index, ratio, 6.0 * ratio / self.critical_state_slope**2, 4.0 * self.viscosity / dt
+    @property
+    def _shear_ratio(self) -> float:
+        """G/K of the Poisson ratio."""
+        return 1.5 * (1.0 - 2.0 * self.poisson_ratio) / (1.0 + self.poisson_ratio)
 
     def _bonding_parameters(self) -> tuple[float, ...]:
         return (
@@ -198,12 +197,7 @@ class CamClay(MaterialParameters):
 
     def elastic_moduli(self, stress, state):
         """Constant moduli, or those of the present pressure, two (n,) arrays in Pa."""
-        n = len(stress)
-        if self.poisson_ratio is not None:
-            swelling, ratio, _, _ = self._elasticity()
-            bulk = np.maximum(-mean(stress), self.minimum_preconsolidation) / swelling
-            return bulk, ratio * bulk
-        return np.full(n, self.bulk_modulus), np.full(n, self.shear_modulus)
+        return _moduli(self._numbers()[None], stress)
 
     def friction_angles(self, dimension: int) -> FrictionAngles:
         """The angles of the critical state in each kind of test; the same in both dimensions."""
@@ -245,22 +239,27 @@ class _CamClayRows:
     """Rows with a law each."""
 
     def __init__(self, laws):
-        self._numbers = np.array([
-            (law.bulk_modulus, law.shear_modulus, law.critical_state_slope, law.viscosity, law.minimum_preconsolidation,
-             *law._bonding_parameters())
-            for law in laws
-        ])  # fmt: skip
-        self._columns = (
-            1 if laws[0].unsaturated else -1, 1 + laws[0].unsaturated if laws[0].report_dissipation else -1
-        )  # fmt: skip
+        self._numbers = np.array([law._numbers() for law in laws])
+        self._columns = laws[0]._columns
 
     def compute_stress(self, stress, strain_increment, state, dt):
         if not dt > 0:
             raise ValueError(f"the time step must be positive (infinite: rate-independent limit), not {dt}")
-        advance_each(self._numbers, dt, stress, strain_increment, state, *self._columns)
+        advance(self._numbers, dt, stress, strain_increment, state, *self._columns)
 
     def tension_limit(self, stress, state):
         return -self._numbers[:, 4]
 
     def elastic_moduli(self, stress, state):
-        return self._numbers[:, 0].copy(), self._numbers[:, 1].copy()
+        return _moduli(self._numbers, stress)
+
+
+def _moduli(numbers, stress) -> tuple[np.ndarray, np.ndarray]:
+    """Constant moduli, or those of the present pressure, (n,) Pa, of rows with `numbers` (n or 1, 12)."""
+    bulk, shear, swelling = (np.broadcast_to(numbers[:, k], len(stress)) for k in (0, 1, 11))
+    follows = swelling > 0.0
+    if not follows.any():
+        return bulk.copy(), shear.copy()
+    pressure = np.maximum(-mean(stress), numbers[:, 4])
+    bulk = np.where(follows, pressure / np.where(follows, swelling, 1.0), bulk)
+    return bulk, np.where(follows, shear * bulk, shear)

@@ -13,6 +13,7 @@ _KILOPASCAL = 1e3
 _YIELD_TOLERANCE = 1e-11  # of p_c^2: a row that was returned before is not returned again
 _NEWTON_TOLERANCE = 1e-5  # of the stress: the last, quadratic step then leaves about its square
 _SERIES = 1e-2  # largest exponent for which the series is exact to rounding
+_ELASTIC, _QUANTITIES = 9, 12
 _ROUNDS, _INNER_ROUNDS = 3, 2  # of Newton in vectors; in a flow nearly every row needs no more
 
 
@@ -128,27 +129,27 @@ def _return_to_yield(p_trial, a2, size_start, floor, bulk, c, stiffening, overst
 
 
 @inlined
-def _secant_bulk(elasticity, minimum, b, stress, strain_increment):
+def _secant_bulk(swelling, minimum, b, stress, strain_increment):
     """Bulk modulus of row b by which the strain of the step takes the pressure P to P exp(-strain/kappa)."""
     p = (stress[b, 0] + stress[b, 1] + stress[b, 2]) / 3.0
     pressure = minimum if -p < minimum else -p
-    exponent = (strain_increment[b, 0] + strain_increment[b, 1] + strain_increment[b, 2]) / elasticity[0]
-    return pressure / elasticity[0] * (-math.expm1(-exponent) / exponent if abs(exponent) > 1e-8 else 1.0)
+    exponent = (strain_increment[b, 0] + strain_increment[b, 1] + strain_increment[b, 2]) / swelling
+    return pressure / swelling * (-math.expm1(-exponent) / exponent if abs(exponent) > 1e-8 else 1.0)
 
 
 @inlined
-def _return_tile(tile, bulk, c, overstress, elasticity):
+def _return_tile(tile, dt):
     """`_return_to_yield` of all lanes at once: from p_trial, a^2, P_n, stiffening to x, w, P, and 1 where it is done.
+
+    The bulk modulus, c and 4 eta are quantities `_ELASTIC` ... of the lanes.
 
     A fixed number of Newton steps without a branch. A lane that has not arrived by then, leaves the ellipse or needs
     more than the series of the exponential gives up.
     """
     for k in range(LANES):
-        if len(elasticity) > 0:
-            bulk = tile[9 * LANES + k]
-            c = bulk * elasticity[2]
-            overstress = elasticity[3] / c
         p_trial, a2, size_start, stiffening = la.from_lane(tile, 0, k, (0.0, 0.0, 0.0, 0.0))
+        bulk, c, viscosity = la.from_lane(tile, _ELASTIC, k, (0.0, 0.0, 0.0))
+        overstress = viscosity / (c * dt)
         x, w, size = 0.0, 1.0, size_start
         found = 1.0
         for iteration in range(_ROUNDS):
@@ -186,91 +187,70 @@ def _return_tile(tile, bulk, c, overstress, elasticity):
 
 
 @inlined
-def _bonded(unbonded, minimum, index, state, b, column, bonding_parameters):
-    """Size, floor and stiffening of row b, which are those of unbonded soil where there is no bonding."""
+def _bonded(unbonded, minimum, index, state, b, column, numbers, r):
+    """Size, floor and stiffening of row b with `numbers` r, those of unbonded soil where there is no bonding."""
     if column >= 0 and state[b, column] != 0.0:
-        b1, b2 = bonding_exponents(state[b, column], *bonding_parameters)
+        n = numbers[r]
+        b1, b2 = bonding_exponents(state[b, column], n[6], n[7], n[8], n[9], n[10])
         return bonded_size(unbonded, b1, b2), bonded_size(minimum, b1, b2), index * b2
     return unbonded, minimum, index
 
 
 @kernel
-def advance(
-    bulk, shear, slope, viscosity_rate, minimum, bonding_parameters, stress, strain_increment, state, bonding_column,
-    dissipation_column, elasticity,
-):  # fmt: skip
+def advance(numbers, dt, stress, strain_increment, state, bonding_column, dissipation_column):
     """Advance all rows of `CamClay.compute_stress`; a column that the state lacks is -1.
 
-    `elasticity` is empty where the moduli are constant; else kappa, G/K, 6 G/(K M^2) and 4 eta/dt: K follows
-    the pressure.
+    `numbers` (n, 12) of each row, or (1, 12) of all: K, mu, 6/M^2, 4 eta, the least |p_c|, 1/(lambda - kappa), five of
+    the bonding, and 0; where K follows the pressure, that is kappa and mu stands for G/K.
     """
-    _advance_rows(
-        bulk, shear, slope, viscosity_rate, minimum, bonding_parameters, stress, strain_increment, state,
-        bonding_column, dissipation_column, elasticity,
-    )  # fmt: skip
-
-
-@inlined
-def _advance_rows(
-    bulk, shear, slope, viscosity_rate, minimum, bonding_parameters, stress, strain_increment, state, bonding_column,
-    dissipation_column, elasticity,
-):  # fmt: skip
-    c = 6.0 * shear / slope**2
-    overstress = 4.0 * viscosity_rate / c
-    index = 1.0 / (bonding_parameters[3] - bonding_parameters[4])
-    tile, rows, used = np.ones(10 * LANES), np.zeros(LANES, np.int64), 0
+    own = numbers.shape[0] > 1
+    tile, rows, used = np.ones(_QUANTITIES * LANES), np.zeros(LANES, np.int64), 0
     for b in range(stress.shape[0]):
+        r = b if own else 0
         if dissipation_column >= 0:
             state[b, dissipation_column] = 0.0
-        if len(elasticity) > 0:
-            bulk = _secant_bulk(elasticity, minimum, b, stress, strain_increment)
-            shear = bulk * elasticity[1]
-            tile[9 * LANES + used] = bulk
+        bulk, shear, per_slope = numbers[r, 0], numbers[r, 1], numbers[r, 2]
+        minimum, index = numbers[r, 4], numbers[r, 5]
+        if numbers[r, 11] > 0.0:
+            bulk = _secant_bulk(numbers[r, 11], minimum, b, stress, strain_increment)
+            shear *= bulk
         p_trial, square = elastic_trial(bulk, shear, 1.0, b, stress, strain_increment)
-        q_squared = 1.5 * square
+        a2 = per_slope * square
         unbonded = minimum if -state[b, 0] < minimum else -state[b, 0]  # keeps NaN, unlike max
-        size, floor, stiffening = _bonded(unbonded, minimum, index, state, b, bonding_column, bonding_parameters)
-        if q_squared / slope**2 + p_trial * (p_trial + size) > _YIELD_TOLERANCE * size * size:
-            la.to_lane(tile, 0, used, (p_trial, 4.0 * q_squared / slope**2, size, stiffening))
-            la.to_lane(tile, 8, used, (floor,))
+        size, floor, stiffening = _bonded(unbonded, minimum, index, state, b, bonding_column, numbers, r)
+        if 0.25 * a2 + p_trial * (p_trial + size) > _YIELD_TOLERANCE * size * size:
+            c = per_slope * shear
+            la.to_lane(tile, 0, used, (p_trial, a2, size, stiffening))
+            la.to_lane(tile, 8, used, (floor, bulk, c, numbers[r, 3]))
             rows[used] = b
             used += 1
         if used < LANES and (b < stress.shape[0] - 1 or used == 0):
             continue
-        _return_tile(tile, bulk, c, overstress, elasticity)
+        _return_tile(tile, dt)
         for k in range(used):
-            b_k = rows[k]
-            if len(elasticity) > 0:
-                bulk = tile[9 * LANES + k]
-                shear = bulk * elasticity[1]
-                c = bulk * elasticity[2]
-                overstress = elasticity[3] / c
-            p_trial, a2, size, stiffening = la.from_lane(tile, 0, k, (0.0, 0.0, 0.0, 0.0))
-            x, w, new_size, found = la.from_lane(tile, 4, k, (0.0, 0.0, 0.0, 0.0))
-            (floor,) = la.from_lane(tile, 8, k, (0.0,))
-            if found == 0.0 or new_size < floor:
-                x, w, new_size = _return_to_yield(p_trial, a2, size, floor, bulk, c, stiffening, overstress)
-            p = p_trial - bulk * x
-            for m in range(3):
-                stress[b_k, m] = p + w * (stress[b_k, m] - p_trial)
-            for m in range(3, stress.shape[1]):
-                stress[b_k, m] *= w
-            if stiffening == index:
-                state[b_k, 0] = -new_size
-            else:
-                unbonded = minimum if -state[b_k, 0] < minimum else -state[b_k, 0]
-                state[b_k, 0] = -max(unbonded * math.exp(-index * x), minimum)
-            if dissipation_column >= 0:
-                state[b_k, dissipation_column] = p * x + w * (1.0 - w) * 0.25 * slope**2 * a2 / (3.0 * shear)
+            r = rows[k] if own else 0
+            _take_back(tile, k, rows[k], dt, numbers[r, 4], numbers[r, 5], stress, state, dissipation_column)
         used = 0
 
 
-@kernel
-def advance_each(numbers, dt, stress, strain_increment, state, bonding_column, dissipation_column):
-    """`advance` of rows with `numbers` (n, 10) of their own: bulk, shear, slope, viscosity, minimum, of the bonding."""
-    for b in range(stress.shape[0]):
-        n, row = numbers[b], slice(b, b + 1)
-        _advance_rows(
-            n[0], n[1], n[2], n[3] / dt, n[4], (n[5], n[6], n[7], n[8], n[9]), stress[row], strain_increment[row],
-            state[row], bonding_column, dissipation_column, (),
-        )  # fmt: skip
+@inlined
+def _take_back(tile, k, b, dt, minimum, index, stress, state, dissipation_column):
+    """Write stress and p_c of lane k to row b, after a return of its own where the tile found none."""
+    p_trial, a2, size, stiffening = la.from_lane(tile, 0, k, (0.0, 0.0, 0.0, 0.0))
+    x, w, new_size, found = la.from_lane(tile, 4, k, (0.0, 0.0, 0.0, 0.0))
+    floor, bulk, c, viscosity = la.from_lane(tile, 8, k, (0.0, 0.0, 0.0, 0.0))
+    if found == 0.0 or new_size < floor:
+        overstress = viscosity / (c * dt)
+        x, w, new_size = _return_to_yield(p_trial, a2, size, floor, bulk, c, stiffening, overstress)
+    p = p_trial - bulk * x
+    for m in range(3):
+        stress[b, m] = p + w * (stress[b, m] - p_trial)
+    for m in range(3, stress.shape[1]):
+        stress[b, m] *= w
+    if stiffening == index:
+        state[b, 0] = -new_size
+    else:
+        unbonded = minimum if -state[b, 0] < minimum else -state[b, 0]
+        state[b, 0] = -max(unbonded * math.exp(-index * x), minimum)
+    if dissipation_column >= 0:
+        state[b, dissipation_column] = p * x + w * (1.0 - w) * a2 / (2.0 * c)

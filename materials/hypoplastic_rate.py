@@ -38,29 +38,36 @@ def _product(a, i, b, j):
 
 
 @inlined
-def density_factors(pressure, void, sand):
-    """x = (3p/h_s)^n, f_s and f_d of a pressure in Pa and a void ratio."""
-    hardness, n, dense, critical, loose, alpha, beta, a, constant = sand
-    x = (3.0 * pressure / hardness) ** n
-    fade = math.exp(-x)
-    stiffness = hardness / n * (loose * fade / void) ** beta * (1.0 + loose * fade) / (loose * fade)
-    stiffness *= 3.0 * pressure / hardness / x * constant
-    room = (void - dense * fade) / ((critical - dense) * fade)
-    return x, stiffness, room**alpha if room > 0.0 else 0.0
+def _exp_near(y):
+    """exp(y), by its series if y is near to 0."""
+    if abs(y) > _NEAR:
+        return math.exp(y)
+    return 1.0 + y * (1.0 + y / 2.0 * (1.0 + y / 3.0 * (1.0 + y / 4.0 * (1.0 + y / 5.0))))
 
 
 @inlined
-def _factors_near(before, pressure, void, sand):
-    """f_s and f_d as `density_factors`, near to the place `before` (pressure, void ratio, x, f_s, f_d)."""
-    hardness, n, dense, critical, loose, alpha, beta, _, _ = sand
-    old_pressure, old_void, x, stiffness, looseness = before
-    new_x = x * _power_near(pressure / old_pressure, n)
-    fall = math.exp(x - new_x)
-    old_fade = math.exp(-x)
+def density_factors(pressure, void, sand):
+    """x = (3p/h_s)^n, exp(-x), what f_d is a power of, f_s and f_d of a pressure in Pa and a void ratio."""
+    hardness, n, dense, critical, loose, alpha, beta, _, constant = sand
+    share = 3.0 * pressure / hardness
+    x = share**n
+    fade = math.exp(-x)
+    limit = loose * fade
+    stiffness = hardness / n * (limit / void) ** beta * (1.0 + limit) / limit * share / x * constant
+    room = (void - dense * fade) / ((critical - dense) * fade)
+    return x, fade, room, stiffness, room**alpha if room > 0.0 else 0.0
+
+
+@inlined
+def _factors_near(before, old_pressure, old_void, pressure, void, sand):
+    """f_s and f_d as `density_factors`, near to a place where those are `before`."""
+    _, n, dense, critical, loose, alpha, beta, _, _ = sand
+    x, old_fade, old_room, stiffness, looseness = before
+    grown = _power_near(pressure / old_pressure, n)
+    fall = _exp_near(x - x * grown)
     fade = old_fade * fall
     stiffness *= _power_near(fall * old_void / void, beta) * (1.0 + loose * fade) / (fall * (1.0 + loose * old_fade))
-    stiffness *= pressure / old_pressure * x / new_x
-    old_room = (old_void - dense * old_fade) / ((critical - dense) * old_fade)
+    stiffness *= pressure / (old_pressure * grown)
     room = (void - dense * fade) / ((critical - dense) * fade)
     if not (room > 0.0 and old_room > 0.0):
         return stiffness, 0.0
@@ -125,28 +132,27 @@ def _work_lost(y, change, strain, part, stiffness, stiff, a):
 
 
 @inlined
-def _advance_row(y, strain, sand, small, lowest, tolerance, most, work):
-    """Take the unknowns through the strain of a step; substeps done, 0 if too many, what opens, and the work lost.
+def _advance_row(y, strain, sand, small, lowest, tolerance, most, work, reports):
+    """Take the unknowns through the strain of a step; substeps done, 0 if too many, what opens, and the work lost if it
+    `reports` that.
 
     Modified Euler's method, whose difference from Euler's is the error (Sloan 1987). Stress does not pass the pressure
     `lowest`: what expands beyond opens.
     """
     first, second, trial = work[0], work[1], work[2]
-    stiff = small[1]
     done, step, lost = 0.0, 1.0, 0.0
     for count in range(1, most + 1):
-        pressure = -(y[0] + y[1] + y[2]) / 3.0
-        x, stiffness, looseness = density_factors(pressure, y[VOID], sand)
-        before = pressure, y[VOID], x, stiffness, looseness
+        start = -(y[0] + y[1] + y[2]) / 3.0
+        before = density_factors(start, y[VOID], sand)
         error = math.inf
-        _rate(y, strain, stiffness, looseness, sand, small, first)
+        _rate(y, strain, before[3], before[4], sand, small, first)
         for _ in range(40):
             for c in range(VOID + 1):
                 trial[c] = y[c] + step * first[c]
             pressure = -(trial[0] + trial[1] + trial[2]) / 3.0
             error = math.inf
             if pressure > 0.1 * lowest:
-                stiffness, looseness = _factors_near(before, pressure, trial[VOID], sand)
+                stiffness, looseness = _factors_near(before, start, y[VOID], pressure, trial[VOID], sand)
                 _rate(trial, strain, stiffness, looseness, sand, small, second)
                 square = largest = inner = 0.0
                 for c in range(6):
@@ -165,7 +171,8 @@ def _advance_row(y, strain, sand, small, lowest, tolerance, most, work):
         if not apart:
             for c in range(VOID + 1):
                 second[c] = 0.5 * step * (first[c] + second[c])
-            lost += _work_lost(y, second, strain, step, before[3], stiff, sand[7])
+            if reports:
+                lost += _work_lost(y, second, strain, step, before[3], small[1], sand[7])
             for c in range(VOID + 1):
                 y[c] += second[c]
             done += step
@@ -184,16 +191,26 @@ def _advance_row(y, strain, sand, small, lowest, tolerance, most, work):
     return 0, 0.0, lost
 
 
+@inlined
+def _numbers_of(numbers, b):
+    """Constants, numbers of small strains, smallest pressure, tolerance and most substeps of row b."""
+    n = numbers[b if numbers.shape[0] > 1 else 0]
+    sand = n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8]
+    return sand, (n[9], n[10], n[11], n[12], n[13]), n[14], n[15], n[16]
+
+
 @kernel
-def advance(sand, small, lowest, tolerance, most, stress, strain_increment, state, opened, dissipation, refused):
+def advance(numbers, stress, strain_increment, state, opened, dissipation, refused):
     """Advance all rows of `HypoplasticSand.compute_stress`; `refused` (n,) tells which need too many substeps.
 
-    The state has the void ratio in column 0 and the intergranular strain behind it; `opened` and `dissipation` are
-    columns, the latter -1 if there is none. Rows without state, and rows that are open, stay as they are.
+    `numbers` (n, 17) of each row, or (1, 17) of all, are those of `HypoplasticSand.numbers`. The state has the void
+    ratio in column 0 and the intergranular strain behind it; `opened` and `dissipation` are columns, the latter -1 if
+    there is none. Rows without state, and rows that are open, stay as they are.
     """
     n = stress.shape[1]
     y, strain, work = np.zeros(VOID + 1), np.zeros(6), np.zeros((3, VOID + 1))
     for b in range(stress.shape[0]):
+        sand, small, lowest, tolerance, most = _numbers_of(numbers, b)
         refused[b] = False
         if dissipation >= 0:
             state[b, dissipation] = 0.0
@@ -212,7 +229,7 @@ def advance(sand, small, lowest, tolerance, most, stress, strain_increment, stat
                 y[c] = stress[b, c] = -lowest if c < 3 else 0.0
             if state[b, opened] > 0.0:
                 continue
-        count, gap, lost = _advance_row(y, strain, sand, small, lowest, tolerance, most, work)
+        count, gap, lost = _advance_row(y, strain, sand, small, lowest, tolerance, int(most), work, dissipation >= 0)
         if count == 0:
             refused[b] = True
             continue
@@ -226,11 +243,12 @@ def advance(sand, small, lowest, tolerance, most, stress, strain_increment, stat
 
 
 @kernel
-def fill_moduli(sand, small, lowest, stress, state, bulk, shear):
+def fill_moduli(numbers, stress, state, bulk, shear):
     """Fill bulk and shear modulus (n,) Pa of small strains: a bound of m_R L, m_T L and what is between."""
     n = stress.shape[1]
     y = np.zeros(VOID + 1)
     for b in range(stress.shape[0]):
+        sand, small, lowest, _, _ = _numbers_of(numbers, b)
         for c in range(n):
             y[c] = stress[b, c]
         pressure = -(y[0] + y[1] + y[2]) / 3.0
@@ -239,7 +257,7 @@ def fill_moduli(sand, small, lowest, stress, state, bulk, shear):
             for c in range(n):
                 y[c] = -lowest if c < 3 else 0.0
         void = state[b, 0] if state[b, 0] > 0.0 else sand[4]
-        _, stiffness, _ = density_factors(pressure, void, sand)
+        stiffness = density_factors(pressure, void, sand)[3]
         square, shape = shape_factors(y)
         scale = small[1] * stiffness / square
         a2 = sand[7] * sand[7]

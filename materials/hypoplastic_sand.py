@@ -112,10 +112,13 @@ class HypoplasticSand(MaterialParameters):
         factor = 1.0 / below if below > 0.0 else -1.0
         return self.hardness, self.exponent, dense, critical, loose, self.alpha, self.beta, a, factor
 
-    def _small_strain(self) -> tuple[float, ...]:
-        """R, m_R, m_T, beta_r and chi."""
-        names = ("elastic_range", "reversal_stiffness", "turn_stiffness", "range_exponent", "stiffness_exponent")
-        return tuple(getattr(self, name) for name in names)
+    def numbers(self) -> np.ndarray:
+        """Those constants, R, m_R, m_T, beta_r and chi, smallest pressure, tolerance and most substeps: (17,)."""
+        names = (
+            "elastic_range", "reversal_stiffness", "turn_stiffness", "range_exponent", "stiffness_exponent",
+            "smallest_pressure", "tolerance", "substeps",
+        )  # fmt: skip
+        return np.array([*self._constants(), *(getattr(self, name) for name in names)], float)
 
     @property
     def state_fields(self) -> tuple[StateField, ...]:
@@ -159,17 +162,41 @@ class HypoplasticSand(MaterialParameters):
 
         Raises StepRefused where a row needs too many substeps.
         """
+        self._advance(self.numbers()[None], stress, strain_increment, state)
+
+    def _advance(self, numbers, stress, strain_increment, state) -> None:
         refused = np.zeros(len(stress), np.bool_)
         opened = state_column(self, OPENED.name, stress.shape[1])
-        advance(
-            self._constants(), self._small_strain(), self.smallest_pressure, self.tolerance, self.substeps, stress,
-            strain_increment, state, opened, opened + 1 if self.report_dissipation else -1, refused,
-        )  # fmt: skip
+        dissipation = opened + 1 if self.report_dissipation else -1
+        advance(numbers, stress, strain_increment, state, opened, dissipation, refused)
         if refused.any():
             raise StepRefused(np.flatnonzero(refused), f"it needs more than {self.substeps} substeps")
 
+    @classmethod
+    def of_rows(cls, laws, components):
+        """What answers for rows of which each has one of the `laws`."""
+        return _HypoplasticRows(laws)
+
     def elastic_moduli(self, stress, state):
         """Moduli of small strains, two (n,) arrays in Pa."""
-        bulk, shear = np.empty(len(stress)), np.empty(len(stress))
-        fill_moduli(self._constants(), self._small_strain(), self.smallest_pressure, stress, state, bulk, shear)
-        return bulk, shear
+        return _moduli(self.numbers()[None], stress, state)
+
+
+class _HypoplasticRows:
+    """Rows with a law each."""
+
+    def __init__(self, laws):
+        self._law = laws[0]
+        self._numbers = np.array([law.numbers() for law in laws])
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        self._law._advance(self._numbers, stress, strain_increment, state)
+
+    def elastic_moduli(self, stress, state):
+        return _moduli(self._numbers, stress, state)
+
+
+def _moduli(numbers, stress, state) -> tuple[np.ndarray, np.ndarray]:
+    bulk, shear = np.empty(len(stress)), np.empty(len(stress))
+    fill_moduli(numbers, stress, state, bulk, shear)
+    return bulk, shear

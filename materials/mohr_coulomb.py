@@ -5,6 +5,7 @@ flow with psi in place of phi (de Souza Neto, Peric & Owen 2008, section 8.2), c
 friction it is Tresca's law of undrained clay.
 """
 
+import functools
 import math
 from typing import Annotated, Self
 
@@ -58,6 +59,10 @@ class MohrCoulomb(MaterialParameters):
         None, gt=0, description="plastic shear strain by which sensitive soil is remoulded", json_schema_extra=_NUMBER
     )
     length: float | None = Field(
+        None, gt=0, description="radius over which the plastic shear strain is averaged: bands get a width",
+        json_schema_extra=_LENGTH,
+    )  # fmt: skip
+    reference_spacing: float | None = Field(
         None, gt=0, description="spacing at which the plastic shear strains of tables hold; at every spacing if none",
         json_schema_extra=_LENGTH,
     )  # fmt: skip
@@ -100,8 +105,11 @@ class MohrCoulomb(MaterialParameters):
                              "cohesion is lost, the other by which strain")  # fmt: skip
         if self.sensitivity > 1.0 and isinstance(self.cohesion, StrainTable):
             raise ValueError("give either sensitivity or a table of the cohesion, not both")
-        if self.length is not None and len(strains_of(*self._strength)) == 1:
-            raise ValueError("length is the spacing at which tables over plastic_shear hold, but there is none")
+        for name in ("length", "reference_spacing"):
+            if getattr(self, name) is not None and len(strains_of(*self._strength)) == 1:
+                raise ValueError(f"{name} is for strength that follows the plastic shear strain, but none does")
+        if self.length is not None and self.reference_spacing is not None:
+            raise ValueError("give length, with which bands have a width of their own, or reference_spacing, not both")
         if (self.rate_coefficient > 0.0) != (self.reference_rate is not None):
             raise ValueError("give rate_coefficient, above 0, and reference_rate together")
         return self
@@ -131,7 +139,7 @@ class MohrCoulomb(MaterialParameters):
     @property
     def remembers(self) -> bool:
         """Whether the strength follows the strain or its rate, so that stress is not all that a row remembers."""
-        return self.rate_coefficient > 0.0 or len(strains_of(*self._strength)) > 1
+        return self.rate_coefficient > 0.0 or self.table().shape[1] > 1
 
     @property
     def exchanges_stress(self) -> bool:
@@ -143,9 +151,14 @@ class MohrCoulomb(MaterialParameters):
         """`dissipation` if reported, `plastic_shear` if the strength follows it, its part that counts, and `opened`."""
         wanted = (
             (DISSIPATION, self.report_dissipation), (PLASTIC_SHEAR, self.remembers),
-            (SOFTENING_PART, self.length is not None), (OPENED, True),
+            (SOFTENING_PART, self.reference_spacing is not None), (OPENED, True),
         )  # fmt: skip
         return tuple(field for field, kept in wanted if kept)
+
+    @property
+    def averaged(self) -> tuple[str, float] | None:
+        """The strain that the strength follows, and the radius (m) over which it is averaged, if it is."""
+        return None if self.length is None else (PLASTIC_SHEAR.name, self.length)
 
     @property
     def default_output(self) -> tuple[str, ...]:
@@ -153,14 +166,11 @@ class MohrCoulomb(MaterialParameters):
         return (PLASTIC_SHEAR.name,) if self.remembers else ()
 
     def table(self) -> np.ndarray:
-        """Plastic shear strains (m,), and there sin(phi), 2 c cos(phi) in Pa and sin(psi): (4, m).
+        """Plastic shear strains (m,), and there sin(phi), 2 c cos(phi) in Pa and sin(psi): (4, m), not to be changed.
 
         In between, these are linear.
         """
-        strain = strains_of(*self._strength)
-        cohesion, phi, psi = (values_at(p, strain) for p in self._strength)
-        phi, psi = np.radians(phi), np.radians(psi)
-        return np.array([strain, np.sin(phi), 2.0 * cohesion * np.cos(phi), np.sin(psi)])
+        return _table(*self._strength)
 
     def weakened(self, factor: float) -> Self:
         """The law with cohesion, tan(friction_angle), tan(dilation_angle) and cut-off divided by `factor`."""
@@ -193,11 +203,11 @@ class MohrCoulomb(MaterialParameters):
         }  # fmt: skip
 
     def initial_state(self, stress, ids, volume):
-        """Closed, nothing dissipated, not sheared: zeros; and a row's size over `length`."""
+        """Closed, nothing dissipated, not sheared: zeros; and a row's size over `reference_spacing`."""
         state = np.zeros((len(stress), len(self.state_fields)))
-        if self.length is not None:
+        if self.reference_spacing is not None:
             size = volume ** (1.0 / dimension_of(stress))
-            state[:, self._column(SOFTENING_PART.name, stress.shape[1])] = size / self.length
+            state[:, self._column(SOFTENING_PART.name, stress.shape[1])] = size / self.reference_spacing
         return state
 
     def _column(self, name: str, components: int) -> int:
@@ -243,3 +253,11 @@ class MohrCoulomb(MaterialParameters):
         q = 3.0 * (strength - 2.0 * sine * p) / (3.0 - sine)
         q[0] = 0.0
         return p, q
+
+
+@functools.lru_cache(maxsize=4096)
+def _table(*strength: float | StrainTable) -> np.ndarray:
+    strain = strains_of(*strength)
+    cohesion, phi, psi = (values_at(p, strain) for p in strength)
+    phi, psi = np.radians(phi), np.radians(psi)
+    return np.array([strain, np.sin(phi), 2.0 * cohesion * np.cos(phi), np.sin(psi)])

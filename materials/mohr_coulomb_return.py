@@ -18,6 +18,7 @@ from periporo.materials.principal import VALUES, put_together, take_apart
 
 _SMALL = 2e-6  # of the plastic shear strain of a step: what its strength may be off
 _NOISE = 1e-15  # of the trial strain: the same
+_STRAIGHT = 2e-4  # part of the strain of a step by which a secant may go on
 _DECADE = math.log(10.0)
 
 
@@ -230,8 +231,10 @@ def _look_up(tile, count, base, start, table, state, columns):
 
 @inlined
 def _soften_tile(tile, n, cutoff, lame, shear):
-    """As `_return_tile`, for a strength of the strain after the step, by one step of Newton's method in all lanes.
+    """As `_return_tile`, for a strength of the strain after the step, by a secant step from two returns in all lanes.
 
+    One return is to the strength of before, the other to that of the strain which a face would take. Their line goes
+    on to the strain that agrees with its return: stress is linear in the strength, and follows it along that line.
     After z, high, low come whether they are new, then the plastic shear strain of the step, -1 where it is not found.
     """
     for k in range(LANES):
@@ -240,13 +243,16 @@ def _soften_tile(tile, n, cutoff, lame, shear):
         values = la.from_lane(tile, 3 * n + VALUES, k, (0.0, 0.0, 0.0))
         slopes = la.from_lane(tile, 3 * n + VALUES + 3, k, (0.0, 0.0, 0.0))
         room, part = la.from_lane(tile, 3 * n + VALUES + 6, k, (0.0, 0.0))
+        before = returned(s, pyramid(values[0], values[2], values[1], cutoff, lame, shear))
+        give, first = _give(values, shear, lame), _plastic_shear(s, before, shear)
+        guess = first / (1.0 + give * part * (slopes[1] - slopes[0] * (before[0] + before[2])))
+        values = _softer(values, slopes, part * guess)
         t = returned(s, pyramid(values[0], values[2], values[1], cutoff, lame, shear))
-        give = _give(values, shear, lame)
-        x = _plastic_shear(s, t, shear) / (1.0 + give * part * (slopes[1] - slopes[0] * (t[0] + t[2])))
-        values = _softer(values, slopes, part * x)
-        t = returned(s, pyramid(values[0], values[2], values[1], cutoff, lame, shear))
-        off = abs(_plastic_shear(s, t, shear) - x)
-        found = (off <= _SMALL * x + _NOISE * (s1 - s3) / shear) & (part * x < room) & (x >= 0.0)
+        second = _plastic_shear(s, t, shear)
+        more = (second - guess) / (1.0 - (second - first) / (guess if guess > 0.0 else 1.0))
+        x, on = guess + more, more / (guess if guess > 0.0 else 1.0)
+        t = t[0] + on * (t[0] - before[0]), t[1] + on * (t[1] - before[1]), t[2] + on * (t[2] - before[2])
+        found = (abs(more) <= _STRAIGHT * guess) & (part * x < room) & (x >= 0.0)
         _keep(tile, 3 * n + 3, k, old, t, (t[0] != s1) | (t[2] != s3))
         la.to_lane(tile, 3 * n + 7, k, (x if found else -1.0,))
 

@@ -17,6 +17,7 @@ from periporo.core.loads.boundary import Gravity, PrescribedMotion, Traction, Vi
 from periporo.core.loads.reactions import BoundaryReactions
 from periporo.core.loads.tied import Tied
 from periporo.core.motion.dissipation import PlasticDissipation, reports
+from periporo.core.motion.nonlocal_strain import NonlocalStrain, averaged
 from periporo.core.motion.quasi_static import QuasiStaticStage
 from periporo.core.motion.sleep import Sleep
 from periporo.core.motion.stages import DynamicsStage, RelaxStage
@@ -116,7 +117,7 @@ def _empty(scene, comm, materials) -> Simulation:
 
 
 def _attach_processes(scene, sim, water):
-    """What is kept up for the points of the scene: balance, sleep, strains, dissipation, water."""
+    """What is kept up for the points of the scene: balance, sleep, strains, dissipation, lengths, water."""
     if scene.correspondence.balance:
         sim.particles.add_field(tilt_field(scene.dimension))
         sim.preparations.append(balance)
@@ -130,6 +131,10 @@ def _attach_processes(scene, sim, water):
     for process in processes:
         process.attach(sim.particles)
     sim.point_processes += processes
+    if any(averaged(m) for m in sim.materials):
+        shared = NonlocalStrain()
+        shared.attach(sim)
+        sim.point_processes.append(shared)
     if water is not None:
         water.attach(sim)
         sim.point_processes.append(water)

@@ -3,6 +3,7 @@
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
+from periporo.core.motion.nonlocal_strain import FEWEST, averaged
 from periporo.core.points.material import Material
 from periporo.core.points.particles import Field
 from periporo.core.points.varied import VariedLaw
@@ -11,13 +12,37 @@ from periporo.errors import InputError, Problem, place_text
 from periporo.io.geometry.fields import FieldError, field_values, typical_value
 from periporo.io.schema.errors import problems_of
 from periporo.io.schema.fields import DepthField, LevelField, ParameterField, RandomField
+from periporo.io.schema.scene import POINT_SCHEMES
 
 _PLACE_DIGITS = 4
 
 
 def create_laws(scene) -> list[Material]:
-    """The laws of a scene's materials in their order; those with fields are `VariedLaw`s that know no rows yet."""
-    return [_create(model) for model in scene.materials.values()]
+    """The laws of a scene's materials in their order; those with fields are `VariedLaw`s that know no rows yet.
+
+    Raises InputError where a law wants its strain averaged over a length, and the scene cannot do that.
+    """
+    laws = [_create(model) for model in scene.materials.values()]
+    for key, law in zip(scene.materials, laws, strict=True):
+        if averaged(law) is not None:
+            _refuse_length(scene, key, law)
+    return laws
+
+
+def _refuse_length(scene, key, law) -> None:
+    """Raise InputError unless there is a row for each point, and points lie close enough."""
+    _, length = averaged(law)
+    reason = ""
+    if scene.correspondence.scheme not in POINT_SCHEMES:
+        reason = f"averaging needs a row for each point: choose correspondence {' or '.join(POINT_SCHEMES)}, not "
+        reason += scene.correspondence.scheme
+    elif "length" in getattr(law, "varied", ()):
+        reason = "may not vary within a material; make several materials"
+    elif length < FEWEST * scene.spacing * (1.0 - 1e-9):
+        reason = f"must be at least {FEWEST:g} spacings ({FEWEST * scene.spacing:g} m), not {length:g}, or bands would "
+        reason += "not see it: make the spacing finer, or give reference_spacing instead"
+    if reason:
+        raise InputError("scene", [Problem(("materials", key, "length"), reason)])
 
 
 def _create(model) -> Material:

@@ -164,7 +164,7 @@ def test_sensitive_clay_falls_to_its_remoulded_strength():
 @pytest.mark.parametrize("components, volume", [(4, 0.25), (6, 0.125)])
 def test_the_slip_that_softens_a_band_does_not_depend_on_the_spacing(components, volume):
     """Rows of half the size shear by twice as much until they have lost as much strength."""
-    clay = soil(friction_angle=0.0, cohesion=SOFTENING, length=1.0)
+    clay = soil(friction_angle=0.0, cohesion=SOFTENING, reference_spacing=1.0)
     stress, increment = np.zeros((2, components)), np.zeros((2, components))
     state = clay.initial_state(stress, None, np.array([1.0, volume]))
     assert state[:, 1].tolist() == [1.0, 0.5]
@@ -228,7 +228,8 @@ def test_only_what_has_memory_keeps_it():
     ({"cohesion": {"plastic_shear": [0, 1, 1], "values": [1e3, 1.0, 1.0]}}, "must increase"),
     ({"sensitivity": 3.0}, "remoulding_shear together"),
     ({"rate_coefficient": 0.1}, "reference_rate together"),
-    ({"length": 0.3}, "but there is none"),
+    ({"length": 0.3}, "but none does"),
+    ({"cohesion": SOFTENING, "length": 0.3, "reference_spacing": 0.1}, "not both"),
     ({"cohesion": SOFTENING, "sensitivity": 3.0, "remoulding_shear": 1.0}, "not both"),
 ])  # fmt: skip
 def test_impossible_parameters_are_refused(change, message):

@@ -98,6 +98,17 @@ def dozing():
     }  # fmt: skip
 
 
+def softening():
+    """A block of clay slumps whose softening strain is averaged over four spacings, farther than bonds reach."""
+    clay = {"model": "mohr_coulomb", "density": 1600.0, "bulk_modulus": 2e5, "shear_modulus": 1e5, "friction_angle": 0,
+            "cohesion": 600.0, "sensitivity": 5.0, "remoulding_shear": 0.05, "length": 0.04}  # fmt: skip
+    return column("point_state", materials={"clay": clay}) | {
+        "contacts": [{"type": "plane", "point": [0, 0], "normal": [0, 1], "friction": 0.4, "damping": 0.1}],
+        "stages": [{"name": "fall", "type": "dynamics", "duration": 0.04}],
+        "output": {"interval": 0.01, "fields": ["displacement", "plastic_shear"]},
+    }
+
+
 OTHERS = [name for name in SCHEMES if name != "bond_projected"]
 OTHERS += [{"scheme": "point_state", "sharpened": True}, {"scheme": "point_state", "sharpened": True, "regular": True},
            {"scheme": "bond_projected", "balance": True},
@@ -109,7 +120,7 @@ def falling(scheme):
     return column(scheme, stages=[{"name": "fall", "type": "dynamics", "duration": 0.03}])
 
 
-SCENES = {scene.__name__: scene() for scene in (column, wet_column, stacked_cubes, dozing)}
+SCENES = {scene.__name__: scene() for scene in (column, wet_column, stacked_cubes, dozing, softening)}
 SCENES |= {f"scheme {number}": falling(scheme) for number, scheme in enumerate(OTHERS)}
 
 
