@@ -91,6 +91,7 @@ class PointState(Standard):
         self.viscosity = regularity.VISCOSITY if regular else 0.0
         self.rows = LinkedPointRows(self.sharpened, self.balanced, regular)
         self._ends_are_known = False
+        self._before: list = []  # stress and moduli of the blocks before their laws are asked
 
     def deform(self, particles, bonds, halo, dt: float, material_dt: float) -> None:
         """Strain increment of every active row over the step that ends at the present positions.
@@ -101,7 +102,9 @@ class PointState(Standard):
         self._dt, self._is_quasi_static = dt, not np.isfinite(material_dt)
         self._ends_are_known = False
         super().deform(particles, bonds, halo, dt, material_dt)
-        self._before = [(None if b.keeps_all else b.stress.copy(), *b.elastic_moduli()) for b in bonds.blocks]
+        self._before = [] if dt == 0.0 else [
+            (None if b.keeps_all else b.stress.copy(), *b.elastic_moduli()) for b in bonds.blocks
+        ]
 
     def row_gradient(self, p, pairs, halo) -> np.ndarray:
         """The velocity gradients that laws see, L or M, in the first d^2 columns."""
@@ -151,7 +154,7 @@ class PointState(Standard):
         add_flux_force(p, pairs, force, pull)
         if self.balanced:
             point_tilts.add_force(p, pairs, force)
-        self._dt, self._ends_are_known, p.link[:, 1] = 0.0, True, 1.0  # what is taken up is not taken up again
+        self._dt, self._ends_are_known, self._before = 0.0, False, []  # what is taken up is not taken up again
 
     def regularise(self, particles, bonds, halo) -> None:
         """Keep stress smooth where a law took a part of it away, and say where points move before the next step."""
@@ -177,8 +180,9 @@ class PointState(Standard):
         regularity.stop(particles, rows)
 
     def _describe_ends(self, p, bonds):
-        """Find what links need of their ends: E, r and volumes."""
-        for block, (turned, bulk, shear) in zip(bonds.blocks, self._before, strict=True):
+        """Find what links need of their ends: E, r and volumes; without a step those of the present stress, and 1."""
+        before = self._before or [(None, *block.elastic_moduli()) for block in bonds.blocks]
+        for block, (turned, bulk, shear) in zip(bonds.blocks, before, strict=True):
             _find_ends(block.first, block.active, bulk, shear, p.volume, p.share, p.link)
             if turned is not None:
                 _find_response(

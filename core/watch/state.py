@@ -202,6 +202,9 @@ def install(sim, state: State) -> None:
         getattr(p, f"{name}_force")[: p.owned] = points[f"{name}_force"]
     sim.halo.update(p, *[f.name for f in p.migrating() if f.sent])
     sim.find_shapes()
+    for process in sim.point_processes:
+        if hasattr(process, "fill_total"):
+            process.fill_total(p, bonds)
     if sim.sleep is not None:  # what points that fall asleep keep is that of the last step
         sim.sleep.put_back(p, sim.halo, owned)
 

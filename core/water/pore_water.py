@@ -114,14 +114,20 @@ class PoreWater:
         if self._bonds:
             p.bonding_variable[:n] = bonding_variable(np.maximum(-p.pore_pressure, 0.0), p.saturation)
         self._sim.halo.update(p, "pore_stress", *(("bonding_variable",) if self._bonds else ()))
+        self.fill_total(p, bonds)
+        for block in bonds.blocks:
+            column = bonding_column(block.material)
+            if column is not None:
+                index, first, second, _ = bonds.layout.holders(block, bonds.pairs)
+                _fill_bonding(index, first, second, p.bonding_variable, column, block.state)
+
+    def fill_total(self, p, bonds) -> None:
+        """Total stress of the rows, from their own and the `pore_stress` of all points."""
         for block in bonds.blocks:
             if block.total is None or len(block.total) != len(block.stress):
                 block.total = np.empty_like(block.stress)
             index, first, second, _ = bonds.layout.holders(block, bonds.pairs)
             _fill_total(index, first, second, p.pore_stress, block.stress, block.total)
-            column = bonding_column(block.material)
-            if column is not None:
-                _fill_bonding(index, first, second, p.bonding_variable, column, block.state)
 
     def _advance(self, p, dt: float) -> None:
         """Pressure, saturation, porosity and mass of the owned points at the end of the step."""

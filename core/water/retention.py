@@ -104,11 +104,11 @@ def retention_of(model) -> Retention:
 
 
 def _read_table(name):
-    """Columns of a CSV file headed suction,saturation in Pa and 1."""
+    """Columns of a CSV file headed suction,saturation in Pa and 1, and relative conductivity, if it has that."""
     with open(name, encoding="utf-8-sig") as file:
         header = file.readline().strip().replace(" ", "")
-        if header != "suction,saturation":
-            raise ValueError(f"its first line must be suction,saturation, not {header!s:.60}")
+        if header not in ("suction,saturation", "suction,saturation,conductivity"):
+            raise ValueError(f"its first line must be suction,saturation[,conductivity], not {header!s:.60}")
         return np.loadtxt(file, delimiter=",", ndmin=2).T
 
 

@@ -32,7 +32,9 @@ class Retention(SceneModel):
     alpha3: Real | None = key("parameter alpha3", "1", default=None, gt=1, le=1e3)
     van_genuchten: VanGenuchten | None = key("van Genuchten's formula", default=None)
     exponential: Exponential | None = key("Gardner's formula", default=None)
-    table: ExistingFile | None = key("CSV file with suction and saturation", default=None)
+    table: ExistingFile | None = key(
+        "CSV file with suction, saturation, and, if not its cube, conductivity over that of full pores", default=None
+    )
 
     @model_validator(mode="after")
     def _is_one_kind(self):

@@ -64,6 +64,16 @@ def wet_column():
     return scene
 
 
+def waiting_column():
+    """Wet clay of a heap settles for minutes under rain and its own weight, then moves."""
+    scene = wet_column()
+    scene["materials"] = {"clay": CLAY | {"overconsolidation_ratio": 3.0}}
+    wait = {"name": "wait", "type": "quasi_static", "duration": 20.0, "accuracy": 0.1, "tolerance": 0.01,
+            "boundaries": ["left", "right", "sky"]}  # fmt: skip
+    scene["stages"] = [wait, {"name": "fall", "type": "dynamics", "duration": 0.002, "boundaries": ["sky"]}]
+    return scene | {"contacts": scene["contacts"][:1], "output": {"interval": 5.0}}
+
+
 def stacked_cubes():
     """A cube of sand slides on a soft one, which lies on the floor: contact of bodies."""
 
@@ -120,7 +130,9 @@ def falling(scheme):
     return column(scheme, stages=[{"name": "fall", "type": "dynamics", "duration": 0.03}])
 
 
-SCENES = {scene.__name__: scene() for scene in (column, wet_column, stacked_cubes, dozing, softening)}
+SCENES = {
+    scene.__name__: scene() for scene in (column, wet_column, waiting_column, stacked_cubes, dozing, softening)
+}
 SCENES |= {f"scheme {number}": falling(scheme) for number, scheme in enumerate(OTHERS)}
 
 

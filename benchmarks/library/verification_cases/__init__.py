@@ -10,6 +10,7 @@ from . import (
     columns,
     consolidation,
     contacts,
+    drainage,
     energy,
     footing,
     kinematics,
@@ -99,8 +100,10 @@ CASES = (
     Case("C5", contacts.moving_walls),
     Case("W1", seepage.consolidation),
     Case("W1", consolidation.one_way),
+    Case("W2", consolidation.large_strain),
     Case("W3", consolidation.slab),
     Case("W4", consolidation.sphere),
     Case("W5", seepage.infiltration),
+    Case("W6", drainage.ponded),
     Case("W9", waves.undrained_wave),
 )

@@ -1,4 +1,4 @@
-"""W1, W3 and W4 in equilibrium: consolidation by increments of physical time."""
+"""W1 to W4 in equilibrium: consolidation by increments of physical time."""
 
 import numpy as np
 
@@ -6,10 +6,11 @@ from periporo.core.loads.boundary import Motion
 from periporo.core.watch.observers import Observer
 from periporo.core.water.flow import FlowingWater
 
-from .common import DEFAULT, DENSITY, P_MODULUS, SHEAR, Figure, box, owned, simulation
+from .common import BULK, DEFAULT, DENSITY, P_MODULUS, SHEAR, Figure, box, owned, simulation
 from .seepage import PORES, terzaghi
 
 STIFF = 2e3  # of the water, over the skeleton
+_RAMP = 0.02  # time factor in which large loads come
 _NEW = 0.05  # time factor up to which a front is thinner than the points can show
 
 
@@ -81,6 +82,61 @@ def one_way(full=False, scheme=DEFAULT):
         Figure("water not accounted for, over what left", abs(balance["water_balance"]) / balance["water_outflow"],
                at_most=1e-6),
     ]  # fmt: skip
+
+
+def large_strain(full=False, scheme=DEFAULT):
+    """W2: a layer whose drains suck with half its modulus and with all of it, against the exact solution.
+
+    True stress is proportional to logarithmic strain, and permeability goes as the square of the volume; then the
+    volume obeys the linear equation of diffusion (Gibson, England & Hussey 1967). Porosity is so close to 1 that Kozeny
+    and Carman's formula is that square. Pressures are less the load, which bears on all alike. The drains reach theirs
+    in T = .02: a jump would be thinner than the points can show.
+    """
+    rows, figures, soft = 40 if full else 20, [], {"model": "elastic", "density": DENSITY, "bulk_modulus": BULK / 100,
+                                                   "shear_modulus": SHEAR / 100}  # fmt: skip
+    modulus, spacing = P_MODULUS / 100, 1.0 / rows
+    water = flowing(modulus) | {"porosity": 0.9999, "kozeny_carman": True, "bulk_modulus": STIFF * modulus}
+    for relative in (0.5, 1.0) if full else (0.5,):
+        sucked = {"times": [0.0, _RAMP], "values": [0.0, -relative * modulus]}
+        boundaries = {"sides": {"where": {"lower": [None, -2.0]}, "fix": ["x"]},
+                      "below": {"where": {"upper": [None, spacing - 1.0]}, "water": {"pressure": sucked, "side": "y-"}},
+                      "above": {"where": {"lower": [None, 1.0 - spacing]}, "water": {"pressure": sucked, "side": "y+"}}}
+        sim = simulation(
+            spacing, box([0.0, -1.0], [4 * spacing, 1.0]), scheme=scheme, material=soft, pore_water=water,
+            boundaries=boundaries, stages=[stage(boundaries)],
+        )  # fmt: skip
+        start = owned(sim, "initial_position")[:, 1]
+
+        def look(s, start=start, load=relative * modulus):
+            y, way = owned(s, "position")[:, 1], np.ptp(start) - np.ptp(owned(s, "position")[:, 1])
+            ends = [owned(s, "pore_dilation")[np.argmin(y)], owned(s, "pore_dilation")[np.argmax(y)]]
+            pressure = 1.0 + owned(s, "pore_pressure") / load
+            return pressure[np.abs(start) < s.spacing].mean(), 0.5 * way + 0.25 * s.spacing * (2.0 - sum(ends))
+
+        time, middle, settled = Increments(look).run(sim)
+        exact, way = sucked_layer(time, relative, 1.0 - 0.5 * spacing)
+        late = time > _NEW
+        figures += [
+            Figure(f"pressure in the middle, load {relative:g} M", np.abs(middle - exact)[late].max(), at_most=0.02),
+            Figure(f"settlement over the last one, load {relative:g} M",
+                   np.abs(settled - way)[late].max() / (1.0 - np.exp(-relative)), at_most=0.02),
+            Figure(f"increments, load {relative:g} M", float(len(time))),
+        ]  # fmt: skip
+    return figures
+
+
+def sucked_layer(time, relative, depth):
+    """Pressure above that of the drains, over the load, at a `depth`, and settlement of the half layer, by `time`s.
+
+    The load is `relative` to the modulus and comes in the time `_RAMP`; its parts are superposed (Duhamel).
+    """
+    edges = np.linspace(0.0, _RAMP, 201)
+    parts = -np.diff(np.exp(-relative * edges / _RAMP))
+    left, way = np.zeros(len(time)), np.zeros(len(time))
+    for moment, part in zip(0.5 * (edges[1:] + edges[:-1]), parts, strict=True):
+        series, degree = terzaghi(np.maximum(time - moment, 0.0), depth)
+        left, way = left + part * (1.0 - series), way + part * degree
+    return 1.0 + np.log(1.0 - left) / relative, way
 
 
 class Plate(Motion):

@@ -6,7 +6,7 @@ import pytest
 from periporo.core.motion.rebuilds import rebuild
 from periporo.core.points.forces import WORK
 from periporo.core.water.pore_water import bonding_variable
-from periporo.core.water.retention import RETENTION, of_voids
+from periporo.core.water.retention import RETENTION, conductivities, of_voids
 from periporo.errors import InputError
 from periporo.materials.cam_clay import bonding_exponents
 
@@ -27,6 +27,11 @@ def test_table_from_a_file(tmp_path, scene_of, started, cam_clay_input):
     water = {"suction": 20e3, "retention": {"table": "swrc.csv"}}
     sim = started(wet(scene_of, cam_clay_input, water), tmp_path)
     assert sim.particles.saturation == pytest.approx(0.9)
+    (tmp_path / "swrc.csv").write_text("suction,saturation,conductivity\n0,1,1\n20e3,0.9,0.4\n100e3,0.5,0\n")
+    found = started(wet(scene_of, cam_clay_input, water), tmp_path).point_processes
+    curves = next(process.curves for process in found if hasattr(process, "curves"))
+    relative = conductivities(curves, np.zeros(2, np.int64), np.array([20e3, 60e3]), *np.ones((2, 2)))
+    assert relative.tolist() == pytest.approx([0.4, 0.2])
     (tmp_path / "swrc.csv").write_text("s,S\n0,1\n")
     with pytest.raises(InputError, match=r"first\s+line\s+must\s+be\s+suction,saturation"):
         started(wet(scene_of, cam_clay_input, water), tmp_path)
