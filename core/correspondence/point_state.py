@@ -151,6 +151,7 @@ class PointState(Standard):
         add_flux_force(p, pairs, force, pull)
         if self.balanced:
             point_tilts.add_force(p, pairs, force)
+        self.add_hoop_force(p, bonds, force)
         self._dt, self._ends_are_known, p.link[:, 1] = 0.0, True, 1.0  # what is taken up is not taken up again
 
     def regularise(self, particles, bonds, halo) -> None:
