@@ -21,8 +21,14 @@ def _set_lever(gap, normal, k, reach, integrity, lever):
         lever[a] = -length * normal[k, a]
 
 
+@inlined
+def _of_ring(stiffness, width, i):
+    """Stiffness of a point: as much more as the ring is wide that it stands for."""
+    return stiffness * width[i] if width.shape[0] > 0 else stiffness
+
+
 @kernel
-def resist_faces(rows, gap, normal, velocity, gradient, share, reach, stiffness, sticks, force, moment, dim):
+def resist_faces(rows, gap, normal, velocity, gradient, share, reach, stiffness, width, sticks, force, moment, dim):
     """Add to forces and moments what linear springs on the faces hold, along the surface too if it `sticks`."""
     d = len(dim)
     lever, face, load = np.zeros(d), np.zeros(d), np.zeros(d)
@@ -34,14 +40,14 @@ def resist_faces(rows, gap, normal, velocity, gradient, share, reach, stiffness,
         for a in range(d):
             approach += face[a] * normal[k, a]
         for a in range(d):
-            load[a] = -stiffness * (face[a] if sticks else approach * normal[k, a])
+            load[a] = -_of_ring(stiffness, width, i) * (face[a] if sticks else approach * normal[k, a])
         add_face_force(force, moment, i, load, lever)
 
 
 @kernel
 def add_contact_force(
-    rows, gap, normal, velocity, gradient, share, obstacle, mass, dt, reach, stiffness, friction, damping, spring,
-    cell, contact, contact_moment, shear, shear_moment, dim,
+    rows, gap, normal, velocity, gradient, share, obstacle, mass, dt, reach, plane_stiffness, width, friction, damping,
+    spring, cell, contact, contact_moment, shear, shear_moment, dim,
 ):  # fmt: skip
     """Add the force of an obstacle on the points in `rows`, whose gaps and normals (rows, d) are given.
 
@@ -51,6 +57,7 @@ def add_contact_force(
     lever, face, load = np.zeros(d), np.zeros(d), np.zeros(d)
     for k in range(rows.shape[0]):
         i = rows[k]
+        stiffness = _of_ring(plane_stiffness, width, i)
         off, own, approach = gap[k] - reach - max(cell[i, 0], cell[i, 1]), 0.0, 0.0
         for a in range(d):
             own += (velocity[i, a] - obstacle[k, a]) * normal[k, a]

@@ -38,9 +38,10 @@ class Repulsion:
 
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Add the repulsion of all pairs."""
+        width = p.widths()  # rings have other weights
         _repel(
-            self.pairs.first, self.pairs.second, self.pairs.weight, self.closest, p.position, self.distance,
-            self.stiffness, p.contact_force, p.dim,
+            self.pairs.first, self.pairs.second, self.pairs.weight, 0.0 if len(width) else self.closest, p.position,
+            self.distance, self.stiffness, width, p.contact_force, p.dim,
         )  # fmt: skip
 
     def add_stiffness(self, p: Particles, time: float, ahead: float, stiffness) -> None:
@@ -55,7 +56,7 @@ class Repulsion:
 
 
 @kernel
-def _repel(first, second, weight, closest, position, distance, stiffness, force, dim):
+def _repel(first, second, weight, closest, position, distance, stiffness, width, force, dim):
     for start in range(0, first.shape[0], LANES):
         tile = weight[start : start + LANES]
         near = 0
@@ -71,7 +72,8 @@ def _repel(first, second, weight, closest, position, distance, stiffness, force,
             r = np.sqrt(la.dot(xi, xi))
             if not r < distance:
                 continue
-            pull = stiffness * (distance - r) / max(r, 1e-3 * distance)
+            both = 0.5 * (width[i] + width[j]) if width.shape[0] > 0 else 1.0
+            pull = both * stiffness * (distance - r) / max(r, 1e-3 * distance)
             for a in range(len(dim)):
                 force[i, a] -= pull * xi[a]
                 force[j, a] += pull * xi[a]

@@ -129,7 +129,7 @@ class RigidContact:
         softer = self.modulus / modulus
         pressed = np.maximum(self.overlaps(p), 0.0)
         cell, spring = getattr(p, self.cell), getattr(p, self.spring)
-        stored = 0.5 * self.stiffness * pressed**2
+        stored = 0.5 * self.stiffness * _ring(p) * pressed**2
         p.work[:, CONTACT] += (1.0 - softer) * stored
         p.work[:, FRICTION] -= (1.0 - softer) * stored
         cell[:, :2] -= ((1.0 - softer) * pressed)[:, None]
@@ -161,7 +161,7 @@ class RigidContact:
                 obstacle = velocity_between(before, self.pose, dt, x)
             add_contact_force(
                 rows, gap, np.ascontiguousarray(normal), p.velocity, p.gradient, p.share, obstacle, p.mass, dt,
-                self.reach, self.stiffness, self.friction, self.damping, getattr(p, self.spring),
+                self.reach, self.stiffness, p.widths(), self.friction, self.damping, getattr(p, self.spring),
                 getattr(p, self.cell), p.contact_force, p.contact_moment, p.friction_force, p.friction_moment, p.dim,
             )  # fmt: skip
         if self.reaction is not None:
@@ -195,7 +195,7 @@ class RigidContact:
     def add_stiffness(self, p: Particles, time: float, ahead: float, stiffness: np.ndarray) -> None:
         """Add the contact's stiffness (N/m) to `stiffness` (owned,) of the points that it holds, or may `ahead` (s)."""
         rows, _, _ = self._held(p, time, ahead)
-        stiffness[rows] += self.stiffness
+        stiffness[rows] += self.stiffness * _ring(p)[rows]
 
     def resist(
         self, p: Particles, time: float, ahead: float, dt: float, force: np.ndarray, moment: np.ndarray
@@ -203,8 +203,8 @@ class RigidContact:
         """Add what holds those points, at most, against a motion with `velocity` for `dt`: forces on their faces."""
         rows, gap, normal = self._held(p, time, ahead)
         resist_faces(
-            rows, gap, normal, p.velocity, p.gradient, p.share, self.reach, dt * self.stiffness, self.friction > 0.0,
-            force, moment, p.dim,
+            rows, gap, normal, p.velocity, p.gradient, p.share, self.reach, dt * self.stiffness, p.widths(),
+            self.friction > 0.0, force, moment, p.dim,
         )  # fmt: skip
 
     def _held(self, p, time, ahead):
@@ -312,6 +312,12 @@ class RigidContact:
             lower, upper = pose.around(lower, upper)
         margin = _HELD * self.reach + self.skin + way
         return self._search.near(p, lower - margin, upper + margin)
+
+
+def _ring(p):
+    """What the stiffness of each owned point is multiplied by (owned,)."""
+    width = p.widths()
+    return width[: p.owned] if len(width) else np.ones(p.owned)
 
 
 def _largest_length(vectors):

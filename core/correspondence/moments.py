@@ -20,8 +20,8 @@ def update_neighbourhoods(particles, pairs, horizon: float, table: np.ndarray, d
     """
     p = particles
     crossed = _sum_moments(
-        pairs.first, pairs.second, pairs.weight, pairs.count, p.position, p.velocity, p.volume, horizon, table, p.sums,
-        p.dim,
+        pairs.first, pairs.second, pairs.weight, pairs.count, p.position, p.velocity, p.volume, p.widths(), horizon,
+        table, p.sums, p.dim,
     )  # fmt: skip
     degenerate = _close_points(
         p.awake, dt, horizon, p.volume, pairs.count, p.sums, p.dilation, p.share, p.shape_inverse, p.gradient,
@@ -44,17 +44,18 @@ def integrity_of(square_width, horizon):
 
 
 @kernel
-def _sum_moments(first, second, weight, count, position, velocity, volume, horizon, table, sums, dim):
+def _sum_moments(first, second, weight, count, position, velocity, volume, width, horizon, table, sums, dim):
     """Weight of each pair, neighbour counts, and V_i times W, K and the velocity moment of both ends in `sums`.
 
     Pairs are worked on by the tile: their ends are looked up one by one, their weights found in vectors, and the
-    terms added one by one again, which keeps the order. Returns how many pairs crossed the horizon.
+    terms added one by one again, which keeps the order. Rings weigh by the root of their volumes
+    (`periporo.core.correspondence.hoop`). Returns how many pairs crossed the horizon.
     """
     sums[:] = 0.0
     crossed = 0
     terms = np.zeros(LANES * WIDTH)
     terms[::WIDTH] = 1.0
-    square, factor = np.zeros(LANES), np.zeros(LANES)
+    square, factor, rings = np.zeros(LANES), np.zeros(LANES), np.ones(LANES)
     last, own = -1, vectors.moments(terms, 0, dim)
     for start in range(0, first.shape[0], LANES):
         used = min(LANES, first.shape[0] - start)
@@ -65,8 +66,10 @@ def _sum_moments(first, second, weight, count, position, velocity, volume, horiz
             vectors.put_at(terms, WIDTH * k + 1 + len(dim), vectors.difference(velocity, i, j, dim))
             square[k] = vectors.dot(xi, xi)
             factor[k] = volume[i] * volume[j]
+            if width.shape[0] > 0:
+                rings[k] = 1.0 / np.sqrt(width[i] * width[j])
         for k in range(LANES):  # all of them, in vectors, so that a pair's bits do not depend on its lane
-            square[k] = influence(1.0 - np.sqrt(square[k]) / horizon, table)
+            square[k] = influence(1.0 - np.sqrt(square[k]) / horizon, table) * rings[k]
             factor[k] *= square[k]
         before, tile_crossed = weight[start : start + used], 0
         for k in range(used):

@@ -154,6 +154,7 @@ class PointState(Standard):
         add_flux_force(p, pairs, force, pull)
         if self.balanced:
             point_tilts.add_force(p, pairs, force)
+        self.add_hoop_force(p, bonds, force)
         self._dt, self._ends_are_known, self._before = 0.0, False, []  # what is taken up is not taken up again
 
     def regularise(self, particles, bonds, halo) -> None:

@@ -62,7 +62,7 @@ def describe(block, p, dt: float, viscous: bool) -> None:
     _describe(
         block.first, block.active, dt, part, VISCOSITY if viscous else 0.0, block.opening.column, block.stress,
         block.state, bulk, p.uneven_rate, p.link, p.mass, p.volume, p.share, p.gradient, p.activity, p.viscous_stress,
-        p.flow, p.flow_stress, p.flow_work, p.dim,
+        p.position, p.widths(), p.flow, p.flow_stress, p.flow_work, p.dim,
     )  # fmt: skip
 
 
@@ -114,7 +114,7 @@ def rearrange(p, motions, contacts, dt: float) -> None:
 @kernel
 def _describe(
     point, active, dt, exchanged, viscosity, column, stress, state, bulk, uneven_rate, link, mass, volume, share,
-    gradient, activity, viscous, flow, flow_stress, work, dim,
+    gradient, activity, viscous, position, width, flow, flow_stress, work, dim,
 ):  # fmt: skip
     d = len(dim)
     for r in range(point.shape[0]):
@@ -124,7 +124,8 @@ def _describe(
                 flow[i, c] = 0.0
             activity[i] = viscous[i] = 0.0
             continue
-        size = (volume[i] * share[i, 2] / share[i, 1]) ** (1.0 / d)
+        across = 2.0 * np.pi * position[i, 0] if width.shape[0] > 0 else 1.0  # of a ring
+        size = (volume[i] * share[i, 2] / (share[i, 1] * across)) ** (1.0 / d)
         speed = np.sqrt(link[i, 0] * volume[i] / mass[i])
         courant = dt * speed / size
         lost = 1.0 - link[i, 1]

@@ -13,7 +13,7 @@ oscillations. beta fades degenerate neighbourhoods out (`periporo.core.correspon
 import numpy as np
 
 from periporo.core.bonds.rows import PointRows
-from periporo.core.correspondence import kinematics
+from periporo.core.correspondence import hoop, kinematics
 from periporo.core.correspondence.flux import add_flux_force, begin_flux, close_flux
 from periporo.core.correspondence.influence import influence_table, support
 from periporo.core.correspondence.moments import update_neighbourhoods
@@ -28,6 +28,8 @@ class Standard:
     name = "standard"
     viscosity = 0.0
     rows = PointRows()
+    axisymmetric = False
+    """Whether points are rings (`periporo.core.correspondence.hoop`)."""
 
     def __init__(self, horizon: float, influence_name: str):
         """`horizon` m; `influence_name` one of `influence.NAMES`."""
@@ -42,6 +44,8 @@ class Standard:
         """
         p, pairs = particles, bonds.pairs
         _, degenerate = update_neighbourhoods(p, pairs, self.horizon, self.table, dt)
+        if self.axisymmetric:
+            hoop.follow_volume(p, dt)
         gradient = self.row_gradient(p, pairs, halo)
         if degenerate or not all(block.active.all() for block in bonds.blocks):  # otherwise all rows stay active
             bonds.admit_newborn(p, material_dt)
@@ -50,6 +54,8 @@ class Standard:
                 block.first, block.active, gradient, dt, block.stress, block.strain_increment, block.state,
                 block.tensor_columns, block.peak, p.dim,
             )  # fmt: skip
+            if self.axisymmetric:
+                hoop.add_strain(block, p, dt)
 
     def row_gradient(self, p, pairs, halo) -> np.ndarray:
         """The velocity gradients (points, at least d^2) that the rows of owned points see."""
@@ -78,6 +84,12 @@ class Standard:
         halo.update(p, "flux")
         force[:] = 0.0
         add_flux_force(p, bonds.pairs, force)
+        self.add_hoop_force(p, bonds, force)
+
+    def add_hoop_force(self, p, bonds, force: np.ndarray) -> None:
+        """Add the force of the hoop stress, where points are rings."""
+        for block in bonds.blocks if self.axisymmetric else ():
+            hoop.add_force(block, p, force)
 
     def add_springs(self, particles, bonds, block, bulk, shear, springs) -> None:
         """Add the stiffness of the points' bonds, with moduli (n,) Pa of the block's rows."""
@@ -85,6 +97,8 @@ class Standard:
         sums = np.zeros_like(springs)
         _sum_springs(pairs.first, pairs.second, pairs.weight, p.position, p.volume, sums, p.dim)
         _add_springs(block.first, block.active, p.share, bulk, shear, sums, springs, p.dim)
+        if self.axisymmetric:
+            hoop.add_springs(block, p, bulk, shear, springs)
 
 
 @kernel

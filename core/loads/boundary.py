@@ -170,7 +170,7 @@ class Gravity:
 
 
 class Traction:
-    """A dead load, the same `force` (d,) N on a face of each of the points `ids`, sorted.
+    """A dead load, the same `force` (d,) N (per metre of a ring's face) on a face of each of the points `ids`, sorted.
 
     The faces are `lever` (ids, d) m away from their points when the scene begins, and turn with them from then on, in
     the point field `face_<name>`.
@@ -205,8 +205,9 @@ class Traction:
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Add to the external force."""
         _load_faces(
-            self._rows(p), self.force, getattr(p, self.face), p.share, p.external_force, p.external_moment, p.dim
-        )
+            self._rows(p), self.force, getattr(p, self.face), p.share, p.widths(), p.external_force, p.external_moment,
+            p.dim,
+        )  # fmt: skip
 
     def _rows(self, p):
         """Owned rows of the points; found anew when a rebuild has moved them."""
@@ -237,13 +238,14 @@ class ViscousDamping:
 
 
 @kernel
-def _load_faces(rows, force, face, share, external, moment, dim):
-    lever = np.zeros(len(dim))
+def _load_faces(rows, force, face, share, width, external, moment, dim):
+    lever, load = np.zeros(len(dim)), np.zeros(len(dim))
     for k in range(rows.shape[0]):
         i = rows[k]
         for a in range(len(dim)):
             lever[a] = share[i, 1] * face[i, a]
-        add_face_force(external, moment, i, force, lever)
+            load[a] = force[a] * (width[i] + 2.0 * np.pi * face[i, 0]) if width.shape[0] > 0 else force[a]
+        add_face_force(external, moment, i, load, lever)
 
 
 @kernel

@@ -9,7 +9,11 @@ import numpy as np
 from periporo.core.numerics.algebra import DIMENSION
 from periporo.core.numerics.tensors import component_count
 
+RING = "width"
+"""The field of `Particles.widths`."""
+
 _CACHE_LINE = 64  # bytes
+_NO_WIDTHS = np.empty(0)
 
 
 @dataclass(frozen=True)
@@ -91,6 +95,10 @@ class Particles:
     def present_volume(self) -> np.ndarray:
         """Volume (owned,) m^3 of the points after the last step."""
         return self.volume[: self.owned] * self.dilation
+
+    def widths(self) -> np.ndarray:
+        """Circumference (total,) m that points had as rings at the start; empty where they are none."""
+        return getattr(self, RING) if RING in self.fields else _NO_WIDTHS
 
     def migrating(self) -> list[Field]:
         """Fields that belong to a point, in their order in a migration message."""

@@ -1,5 +1,7 @@
 """From validated input to a simulation: the only file that knows which features exist."""
 
+from typing import Any
+
 import numpy as np
 from mpi4py import MPI
 
@@ -25,7 +27,7 @@ from periporo.core.motion.timestep import StableTimeStep
 from periporo.core.points import fields
 from periporo.core.points.departures import Departures
 from periporo.core.points.extent import Extent
-from periporo.core.points.particles import Particles
+from periporo.core.points.particles import RING, Field, Particles
 from periporo.core.scene.boundaries import build_boundary, hold, middle_of, region_corners
 from periporo.core.scene.construction import bodies_at_start, build_constructions
 from periporo.core.scene.contacts import (
@@ -108,12 +110,14 @@ def _empty(scene, comm, materials) -> Simulation:
     options = chosen.options()
     if "sharpened" in options:
         options["sharpened"] *= scene.spacing  # of the grid
-    scheme = SCHEMES[chosen.scheme](scene.horizon * scene.spacing, scene.influence, **options)
+    scheme: Any = SCHEMES[chosen.scheme](scene.horizon * scene.spacing, scene.influence, **options)
     time_step = StableTimeStep(scene.time_step.safety, scene.time_step.fixed, scene.time_step.update)
-    skin = SKIN * scene.spacing
-    return Simulation(
-        comm, Particles(scene.dimension), materials, scheme, spacing=scene.spacing, skin=skin, time_step=time_step
-    )
+    particles, skin = Particles(scene.dimension), SKIN * scene.spacing
+    sim = Simulation(comm, particles, materials, scheme, spacing=scene.spacing, skin=skin, time_step=time_step)
+    if scene.axisymmetric:
+        scheme.axisymmetric = True
+        particles.add_field(Field(RING, None, "m"))
+    return sim
 
 
 def _attach_processes(scene, sim, water):

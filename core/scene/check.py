@@ -74,7 +74,8 @@ def _fields(sim) -> list[str]:
 def _friction(scene, laws) -> list[str]:
     """The angles of friction that each of the laws has in this scene's dimension, where it can tell."""
     named = zip(scene.materials, laws, strict=True)
-    return [f"{name}: {law.friction_angles(scene.dimension)}" for name, law in named if hasattr(law, "friction_angles")]
+    d = 3 if scene.axisymmetric else scene.dimension
+    return [f"{name}: {law.friction_angles(d)}" for name, law in named if hasattr(law, "friction_angles")]
 
 
 def state_bytes(sim) -> int:

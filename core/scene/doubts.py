@@ -200,7 +200,10 @@ def _doubts_of_laws(sim, scene) -> list[str]:
         found = {}
         if hasattr(block.material, "doubts"):
             law = block.law_of(np.flatnonzero(block.active))
-            found = law.doubts(block.stress[block.active], block.state[block.active])
+            stress = block.stress[block.active]
+            if scene.axisymmetric:  # its friction is not that of plane strain
+                stress = np.pad(stress, ((0, 0), (0, 2)))
+            found = law.doubts(stress, block.state[block.active])
         merged: dict[str, str] = {}
         for mine in reversed(sim.comm.allgather(found)):
             merged |= mine

@@ -3,6 +3,7 @@
 import numpy as np
 
 from periporo.contact.faces import FACES, REACH, hat
+from periporo.core.points.particles import RING
 from periporo.core.scene.contacts import bonding_groups
 from periporo.io.geometry.faces import find_faces
 from periporo.io.geometry.lattice import CHUNK
@@ -58,6 +59,9 @@ class PointMaker:
         empty = {f.name: np.zeros(0 if f.columns is None else (0, f.columns), f.dtype) for f in p.migrating()}
         owned = {name: np.concatenate([empty[name], *(piece[name] for piece in pieces)]) for name in _MADE}
         owned["group"] = self._groups[owned["body"]]
+        if RING in p.fields:
+            owned[RING] = 2.0 * np.pi * owned["position"][:, 0]
+            owned["volume"] = owned["volume"] * owned[RING]
         owned["mass"] = owned["volume"] * self._density[owned["material"]]
         if self._fields is not None:
             self._fields.initial_fields(owned)

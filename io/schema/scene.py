@@ -182,6 +182,10 @@ class SceneInput(SceneModel):
 
     title: Text | None = key("what the scene shows", default=None)
     dimension: Literal[2, 3] = key("dimensions of space, 2 is plane strain")
+    axisymmetric: Flag = key(
+        "points are rings about the axis x = 0: x is the radius, y the height, zz the direction around (2D)",
+        default=False,
+    )
     spacing: Real = key("distance of the points", "m", ge=1e-6, le=1e4)
     horizon: Real = key("radius within which points interact", "spacings", default=2.2, ge=1.5, le=6)
     influence: Literal["cubic", "conical", "gaussian", "constant"] = key("weight of a bond", default="cubic")

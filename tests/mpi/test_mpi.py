@@ -164,6 +164,21 @@ def three_laws():
     }  # fmt: skip
 
 
+def rings():
+    """A cylinder of sand falls to the floor, and around a disc."""
+    return {
+        "dimension": 2, "axisymmetric": True, "spacing": 0.01, "gravity": [0.0, -20.0],
+        "materials": {"sand": SAND | {"match": "compression"}},
+        "bodies": [{"name": "cylinder", "material": "sand", "shape": {"type": "box", "lower": [0, 0],
+                                                                      "upper": [0.1, 0.1]}}],
+        "contacts": [{"type": "plane", "point": [0, 0], "normal": [1, 0], "friction": 0},
+                     {"type": "plane", "point": [0, 0], "normal": [0, 1], "friction": 0.4, "damping": 0.1},
+                     {"type": "disc", "center": [0.15, 0.0], "radius": 0.04, "friction": 0.2, "name": "torus"}],
+        "stages": [{"name": "fall", "type": "dynamics", "duration": 0.1}],
+        "output": {"interval": 0.02},
+    }  # fmt: skip
+
+
 MOVING = [collapse, impact, two_soils]
 
 
@@ -177,7 +192,7 @@ def simulated(launch, by_folder, tmp_path_factory, scene_of):
     cases += [("sled", sled(), (1, 3)), ("few", few, (1, 5)), ("monitored", monitored, (1, 3))]
     cases += [("landslide", landslide(), (1, 3)), ("construction", construction(), (1, 3))]
     cases += [("varied", varied(), (1, 3)), ("tied", tied(), (1, 3))]
-    cases += [("three_laws", three_laws(), (1, 3))]
+    cases += [("three_laws", three_laws(), (1, 3)), ("rings", rings(), (1, 3))]
     parent, files, said = tmp_path_factory.mktemp("simulated"), {}, {}
     for ranks in (1, 2, 3, 4, 5):
         for name, scene, numbers in cases:
@@ -200,7 +215,7 @@ def attributes(path):
         return dict(file["Run"].attrs)
 
 
-@pytest.mark.parametrize("name", ["landslide", "construction", "varied", "three_laws", "tied"])
+@pytest.mark.parametrize("name", ["landslide", "construction", "varied", "three_laws", "tied", "rings"])
 def test_ground_and_strength_that_ranks_share_give_the_same_bits(simulated, datasets, assert_same_bits, name):
     files = simulated[0]
     one = datasets(files[1, name])

@@ -21,11 +21,22 @@ def test_a_small_cylinder_collapses_to_rest_and_is_not_run_again(tmp_path, capsy
     assert benchmark.line(1.0, m).count("|") == len(benchmark.COLUMNS) + 1
 
 
+def test_rings_collapse_like_the_quarter(tmp_path):
+    rings = benchmark.scene(1.0, 650, rings=True)
+    assert benchmark.run(rings, tmp_path) == 0
+    m = benchmark.measure(tmp_path / benchmark.RESULT)
+    assert m["points"] == 81 and m["kinetic"] < 1e-5
+    assert 0.9 < m["run-out"] <= m["outermost"] < 1.3  # of finer rings 1.22; Lube et al. (2004): 1.24
+    assert 0.55 < m["height"] < 0.8
+
+
 def test_the_parameters_of_a_variant():
     plain, changed = benchmark.scene(2.0, 42_000), benchmark.scene(2.0, 42_000, stiffer=4.0, slope=1.2)
     sand, stiff = plain["materials"]["sand"], changed["materials"]["sand"]
     assert stiff["bulk_modulus"] == 4 * sand["bulk_modulus"] and stiff["shear_modulus"] == 4 * sand["shear_modulus"]
     assert stiff["critical_state_slope"] == 1.2
     assert plain["bodies"][0]["shape"]["extrude"] == [0.0, 0.1]
+    rings = benchmark.scene(2.0, 42_000, rings=True)
+    assert rings["bodies"][0]["shape"]["upper"] == [0.05, 0.1] and rings["spacing"] == plain["spacing"]
     rows = 0.05 / plain["spacing"]
     assert 40_000 < 2.0 * rows**3 * 3.1416 / 4.0 < 44_000
