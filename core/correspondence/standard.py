@@ -79,8 +79,11 @@ class Standard:
         force[:] = 0.0
         add_flux_force(p, bonds.pairs, force)
 
-    def add_springs(self, particles, bonds, block, bulk, shear, springs) -> None:
-        """Add the stiffness of the points' bonds, with moduli (n,) Pa of the block's rows."""
+    def add_springs(self, particles, bonds, block, bulk, shear, limit: float, springs) -> None:
+        """Add the stiffness of the points' bonds, with moduli (n,) Pa of the block's rows.
+
+        A scheme's viscosity is stiffness to steps of up to `limit` s, if that is not 0.
+        """
         p, pairs = particles, bonds.pairs
         sums = np.zeros_like(springs)
         _sum_springs(pairs.first, pairs.second, pairs.weight, p.position, p.volume, sums, p.dim)

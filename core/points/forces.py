@@ -1,5 +1,7 @@
 """Forces on points, in channels that the energy ledger tells apart."""
 
+import functools
+
 import numpy as np
 
 from periporo.core.numerics.jit import kernel
@@ -54,7 +56,7 @@ class ForceChannels:
 
     def moment(self) -> np.ndarray | None:
         """Sum of all moments of loads on faces, (owned, d^2) N m, or None if no channel has such loads."""
-        return np.sum(self.moments(), axis=0) if self.on_faces else None
+        return functools.reduce(np.add, self.moments()) if self.on_faces else None
 
     def clear(self) -> None:
         """No load any more; the internal force stays."""

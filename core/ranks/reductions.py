@@ -12,6 +12,8 @@ _MAGNITUDE = np.int64(2**63 - 1)  # all bits of a float64 but that of its sign
 
 def maximum(comm: MPI.Comm, value: float) -> float:
     """Largest value over ranks; NaN on any rank gives NaN."""
+    if comm.size == 1:
+        return float(value)
     local = np.array([value, 1.0 if math.isnan(value) else 0.0])
     if local[1]:
         local[0] = -math.inf
@@ -21,6 +23,8 @@ def maximum(comm: MPI.Comm, value: float) -> float:
 
 def maxima(comm: MPI.Comm, values: np.ndarray) -> np.ndarray:
     """Largest of each of the `values` (n,) over ranks, as `maximum`."""
+    if comm.size == 1:
+        return values
     both = np.stack([np.where(np.isnan(values), -np.inf, values), np.isnan(values)])
     comm.Allreduce(MPI.IN_PLACE, both, MPI.MAX)
     return np.where(both[1] > 0.0, np.nan, both[0])
