@@ -65,7 +65,7 @@ def machine() -> tuple[float, float, float]:
 def kernels(sim) -> dict:
     """Name -> (function, items that it goes through, bytes per item)."""
     p, pairs, law, scheme, links = sim.particles, sim.bonds.pairs, sim.bonds.blocks[0], sim.scheme, sim.bonds.links
-    force, pull = np.zeros_like(p.position), np.zeros(len(pairs.first))
+    force, pull, asks = np.zeros_like(p.position), np.zeros(len(pairs.first)), np.ones(p.total, np.bool_)
     d, c, m = p.dimension, p.components, p.dimension**2
     shape = d * (d + 1) // 2
     ends, n, points = 8, len(pairs.first), p.owned
@@ -83,7 +83,7 @@ def kernels(sim) -> dict:
             points, 8 * (1 + shape + m + 3 + 3 + shape + m + 1)),
         "neighbours' gradients": (
             lambda: sharpening._sum_differences(
-                pairs.first, pairs.second, pairs.weight, p.volume, p.share, p.gradient, p.sharp, p.dim),
+                pairs.first, pairs.second, pairs.weight, p.volume, p.share, p.gradient, asks, p.sharp, p.dim),
             near, ends + 8 + 2 * 8 * 3 + 6 * 8 * m),
         "strain": (
             lambda: kinematics.strain_rows(
@@ -96,7 +96,7 @@ def kernels(sim) -> dict:
         "links": (
             lambda: point_state._strain_links(
                 pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.gradient, p.link, p.seen,
-                0.5, scheme.closest, sim.dt, links.active, links.stress, pull, p.flux, p.dim),
+                scheme.closest, sim.dt, links.active, links.stress, pull, p.flux, p.dim),
             near, ends + 8 + 1 + 24 + 2 * 8 * (2 * d + m + 4 + m) + 8 * 8 * m),
         "close flux": (
             lambda: point_state._close_flux(

@@ -5,9 +5,10 @@
 
 `column` is `column_collapse` of the gallery. In `slide` a column of dry sand beside a wall collapses on a bed of firm
 soil, of which nine tenths stay at rest, against a second wall. Each row is a run: the bound `speed` (0: nobody sleeps),
-the seed, processor time of the stage over that of the same seed without sleep, steps, mean share of points asleep,
-run-out and height, kinetic energy set aside over the energy turned over, and for `slide` the impulse and the largest
-force on the far wall. A seed other than 0 shakes the lattice by 1e-9 m: what it changes is the scatter of a flow.
+the seed, processor time of the stage over that of the same seed without sleep, steps, the time at its end, mean share
+of points asleep, run-out and height, kinetic energy set aside over the energy turned over, and for `slide` the impulse
+and the largest force on the far wall. A seed other than 0 shakes the lattice by 1e-9 m: what it changes is the scatter
+of a flow.
 """
 
 import time
@@ -25,7 +26,10 @@ SOIL = {
     "friction_angle": 30.0, "dilation_angle": 0.0,
 }  # fmt: skip
 BED, WALL = 0.1, 0.2  # m: depth of the bed, and place of the far wall
-_HEAD = "| speed, m/s | seed | time | steps | asleep | run-out, m | height, m | set aside | impulse, N s | force, N |"
+_HEAD = (
+    "| speed, m/s | seed | time | steps | end, s | asleep | run-out, m | height, m | set aside | impulse, N s "
+    "| force, N |"
+)
 
 
 def slide(spacing: float = 5e-3) -> dict:
@@ -49,9 +53,9 @@ def slide(spacing: float = 5e-3) -> dict:
     }  # fmt: skip
 
 
-def column() -> dict:
+def column(spacing: float = 2.5e-3) -> dict:
     """The gallery's column."""
-    return parse_yaml(example_texts()["column_collapse"]).data
+    return parse_yaml(example_texts()["column_collapse"]).data | {"spacing": spacing}
 
 
 SCENES = {"column": column, "slide": slide}
@@ -94,23 +98,25 @@ def main(words=None) -> None:
     options = option_parser(__name__, __doc__)
     options.add_argument("--scene", choices=SCENES, default="column")
     options.add_argument("--speeds", type=float, nargs="+", default=[1e-3, 3e-3, 1e-2, 3e-2], help="m/s")
+    options.add_argument("--spacing", type=float, nargs=1, default=[], help="m (default: 2.5e-3 and 5e-3)")
     options.add_argument("--seeds", type=int, nargs="+", default=[0])
     chosen = options.parse_args(words)
     print(_HEAD + "\n" + "|---" * (_HEAD.count("|") - 1) + "|", flush=True)
-    warm = SCENES[chosen.scene]() | {"sleep": {"speed": chosen.speeds[0]}}
+    warm = SCENES[chosen.scene](*chosen.spacing) | {"sleep": {"speed": chosen.speeds[0]}}
     warm["stages"][-1] |= {"duration": 1e-4}
     run(warm, 0)  # compiles
     for seed in chosen.seeds:
         whole = 0.0
         for speed in (0.0, *chosen.speeds):
-            scene = SCENES[chosen.scene]() | ({"sleep": {"speed": speed}} if speed else {})
+            scene = SCENES[chosen.scene](*chosen.spacing) | ({"sleep": {"speed": speed}} if speed else {})
             watch, seconds, sim = run(scene, seed)
             whole = whole or seconds
             p, n, entries = sim.particles, sim.particles.owned, sim.ledger.entries()
             moved = p.position[:n][p.body[:n] == p.body[:n].max()]  # the column, or all
             set_aside = entries.get("set_aside_energy", 0.0) / entries["external_work"]
             print(
-                f"| {speed:g} | {seed} | {seconds / whole:.3f} | {watch.steps} | {watch.asleep / watch.steps:.2f} "
+                f"| {speed:g} | {seed} | {seconds / whole:.3f} | {watch.steps} | {sim.time:.3f} "
+                f"| {watch.asleep / watch.steps:.2f} "
                 f"| {np.quantile(np.abs(moved[:, 0]), 0.99):.4f} | {np.quantile(moved[:, 1], 0.99):.4f} "
                 f"| {set_aside:.1e} | {watch.impulse:.4f} | {watch.force:.1f} |", flush=True,
             )  # fmt: skip

@@ -230,6 +230,8 @@ class RigidContact:
         rows = self._near(p, self.pose)
         rows = rows[rows < len(part)]  # not those that sleep
         rows = rows[part[rows] > 0.0]
+        if not len(rows):
+            return
         gap, normal = self._gap(p.position[rows], self.pose)
         cell = getattr(p, self.cell)
         held = gap - self.reach < cell[rows, :2].max(axis=1, initial=-np.inf)

@@ -59,7 +59,7 @@ class Block(Rows):
 
     def __init__(self, material: Material, layout, index: int, components: int):
         super().__init__(layout, index, components, state_columns(material, components))
-        self.material = material
+        self._adopt(material, components)
         self.average = f"average_{index}"  # point field: has state, stress, state
         tensors, logs, start = [], [], 0
         for field in material.state_fields:
@@ -78,15 +78,20 @@ class Block(Rows):
         self.values: np.ndarray | None = None  # (n, k) of the parameters that vary from row to row, if any do
         self.refused: tuple[np.ndarray, str] | None = None  # rows that refuse the step, and the reason
         self.failed: list[np.ndarray] = []  # rows whose update failed in the step
-        self.opening = Opening.of(material, components)
         # of the strains in a step since `forget_peak`: square of the largest, and its row; its ids after a rebuild
         self.peak, self.peak_ids = np.array([0.0, -1.0]), np.full(2, -1)
 
     def use(self, law: Material) -> None:
         """Go on with another law of the same state; one that varies is bound to the rows."""
         varied: Any = law
-        self.material = law if self.values is None else varied.for_rows(self.values)
-        self.opening = Opening.of(self.material, self.stress.shape[1])
+        self._adopt(law if self.values is None else varied.for_rows(self.values), self.stress.shape[1])
+
+    def _adopt(self, law, components):
+        """Take the law, and note once what it says of itself: to look for a name that a law lacks takes a while."""
+        self.material, self.opening = law, Opening.of(law, components)
+        self.conservative = bool(getattr(law, "conservative", False))
+        self.flows = self.opening is not None and not self.conservative
+        self.exchanges = self.flows and bool(getattr(law, "exchanges_stress", False))
 
     def law_of(self, rows) -> Material:
         """The law of some of the rows."""
@@ -105,7 +110,7 @@ class Block(Rows):
     @property
     def keeps_all(self) -> bool:
         """Whether all of the trial stress is kept: by an elastic law, or while the moduli are held."""
-        return self.held_moduli is not None or getattr(self.material, "conservative", False)
+        return self.held_moduli is not None or self.conservative
 
     def advance(self, dt: float) -> None:
         """Let the law take a step of `dt` s in all rows; those that it refuses, or that fail, are remembered.

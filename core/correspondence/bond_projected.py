@@ -137,7 +137,7 @@ class BondProjected:
         halo.update(p, "flux")
         add_flux_force(p, pairs, force)
 
-    def add_springs(self, particles, bonds, block, bulk, shear, springs) -> None:
+    def add_springs(self, particles, bonds, block, bulk, shear, limit: float, springs) -> None:
         """Add the stiffness of the points' bonds, with moduli (n,) Pa of the block's rows."""
         p, pairs = particles, bonds.pairs
         _sum_springs(

@@ -57,6 +57,7 @@ class LinkedPointRows(PointRows):
         ends = Field("link", 4, "Pa, 1, 1, m^3", migrates=False)  # E, r, V beta J/W, V beta
         flow = (
             Field("activity", None, "1", sent=False),  # running mean of 1 - r
+            Field("flowed", None, "1", sent=False),  # shear strain, weighted by the activity
             Field("viscous_stress", None, "Pa", migrates=False, sent=False),  # of the flow, on top of the laws'
             Field("uneven_rate", None, "1/s", migrates=False, sent=False),  # tr L less its mean over the neighbours
             *(regularity.fields(dimension, components) if self.regular else ()),
@@ -90,7 +91,7 @@ class PointState(Standard):
         self.regular = regular
         self.viscosity = regularity.VISCOSITY if regular else 0.0
         self.rows = LinkedPointRows(self.sharpened, self.balanced, regular)
-        self._ends_are_known = False
+        self._ends_are_known = self._stress_is_shown = False
         self._before: list = []  # stress and moduli of the blocks before their laws are asked
 
     def deform(self, particles, bonds, halo, dt: float, material_dt: float) -> None:
@@ -100,7 +101,7 @@ class PointState(Standard):
         state, for which a material sees a step of `material_dt` s.
         """
         self._dt, self._is_quasi_static = dt, not np.isfinite(material_dt)
-        self._ends_are_known = False
+        self._ends_are_known = self._stress_is_shown = False
         super().deform(particles, bonds, halo, dt, material_dt)
         self._before = [] if dt == 0.0 else [
             (None if b.keeps_all else b.stress.copy(), *b.elastic_moduli()) for b in bonds.blocks
@@ -130,10 +131,11 @@ class PointState(Standard):
         if not self._ends_are_known:
             self._describe_ends(p, bonds)
             p.viscous_stress[:] = 0.0
-        if self.sharpened:
-            self._show_stress(p, bonds)
-        sent = ["seen" if self.sharpened else "gradient"]
-        halo.update(p, *([] if self._ends_are_known else ["link"]), *sent)
+        if not (self._stress_is_shown and all(block.total is None for block in bonds.blocks)):
+            if self.sharpened:
+                self._show_stress(p, bonds)
+            sent = ["seen" if self.sharpened else "gradient"]
+            halo.update(p, *([] if self._ends_are_known else ["link"]), *sent)
         pull = np.empty(len(pairs.first))
         seen = p.seen if self.sharpened else np.empty((0, p.dimension**2))
         begin_flux(p, moment)
@@ -156,18 +158,24 @@ class PointState(Standard):
             point_tilts.add_force(p, pairs, force)
         self.add_hoop_force(p, bonds, force)
         self._dt, self._ends_are_known, self._before = 0.0, False, []  # what is taken up is not taken up again
+        self._stress_is_shown = False
 
     def regularise(self, particles, bonds, halo) -> None:
         """Keep stress smooth where a law took a part of it away, and say where points move before the next step."""
-        flowing = [block for block in bonds.blocks if block.opening is not None and not block.keeps_all]
+        flowing = [block for block in bonds.blocks if block.flows]
         if not self.regular or self._dt == 0.0 or not flowing:
             return
         p = particles
         self._describe_ends(p, bonds)
         for block in flowing:
             regularity.describe(block, p, self._dt, viscous=not self._is_quasi_static)
-        halo.update(p, "link", "flow", "flow_stress")
-        exchanging = [block for block in flowing if getattr(block.material, "exchanges_stress", False)]
+        exchanging = [block for block in flowing if block.exchanges]
+        if exchanging or not self.sharpened:
+            halo.update(p, "link", "flow", "flow_stress")
+        else:  # stress stays, so that it may go with the same message
+            self._show_stress(p, bonds)
+            halo.update(p, "link", "flow", "seen")
+            self._stress_is_shown = True
         regularity.exchange(p, bonds.pairs, exchanging, self._dt)
         self._ends_are_known = True
 
@@ -175,6 +183,30 @@ class PointState(Standard):
         """Move points that a flow brought too close together; what `motions` prescribe stays."""
         if self.regular:
             regularity.rearrange(particles, motions, contacts, dt)
+
+    def add_springs(self, particles, bonds, block, bulk, shear, limit: float, springs) -> None:
+        """Add the stiffness of the points' bonds, see `Standard.add_springs`: less where gradients are not sharp."""
+        if self.regular and block.flows:
+            if limit > 0.0:
+                bulk = bulk + 2.0 / limit * regularity.viscosity(block, particles, bulk, shear)
+            if self.sharpened:
+                softer = sharpening.softening(particles, block.first)
+                bulk, shear = bulk * softer, shear * softer
+        super().add_springs(particles, bonds, block, bulk, shear, limit, springs)
+
+    def resist(self, particles, bonds, halo, rate: float) -> None:
+        """Let bulk viscosity answer to the strain of `deform` as if it had come at the `rate` (1/s), by the way.
+
+        That is how a trial with elastic stress goes on before `internal_force`.
+        """
+        p = particles
+        self._describe_ends(p, bonds)
+        p.viscous_stress[:] = 0.0
+        for block in (block for block in bonds.blocks if block.flows):
+            q = self._dt * rate * regularity.viscosity(block, p, *block.elastic_moduli())
+            p.viscous_stress[block.first] = q * p.uneven_rate[block.first]
+        halo.update(p, "link")
+        self._ends_are_known = True
 
     def stop_flow(self, particles, rows: np.ndarray) -> None:
         """Points in `rows` stop to flow."""
@@ -197,7 +229,7 @@ class PointState(Standard):
         for block in bonds.blocks:
             sharpening.show_stress(
                 block.first, block.active, block.total_stress, p.viscous_stress, self._factors[p.dimension],
-                p.activity, p.seen, p.dim,
+                p.activity, p.flowed, p.seen, p.dim,
             )  # fmt: skip
 
 

@@ -32,6 +32,7 @@ MOST_EXCHANGED = 0.9  # of a difference, in one step
 SHEAR_SHARE = 0.3  # of the exchange for the deviator
 VISCOSITY = 0.2  # of rho c l
 MEMORY = 0.075  # of the activity, per Courant number
+QUIET = 1e-6  # activity that counts as none
 SENSITIVITY = 0.1  # part of the trial stress that a law takes away in a step, over what it keeps, for a half
 NEAREST = 1.02  # size of points, over the side of a cube of their volume, below which they move apart
 REARRANGED = 6.0  # part of the overlap that a shear strain of 1 takes away
@@ -58,11 +59,11 @@ def describe(block, p, dt: float, viscous: bool) -> None:
     `viscous` is whether there is bulk viscosity: not in a quasi-static relaxation.
     """
     bulk, _ = block.elastic_moduli()
-    part = EXCHANGE if getattr(block.material, "exchanges_stress", False) else 0.0
+    part = EXCHANGE if block.exchanges else 0.0
     _describe(
         block.first, block.active, dt, part, VISCOSITY if viscous else 0.0, block.opening.column, block.stress,
-        block.state, bulk, p.uneven_rate, p.link, p.mass, p.volume, p.share, p.gradient, p.activity, p.viscous_stress,
-        p.position, p.widths(), p.flow, p.flow_stress, p.flow_work, p.dim,
+        block.state, bulk, p.uneven_rate, p.link, p.mass, p.volume, p.share, p.gradient, p.activity, p.flowed,
+        p.viscous_stress, p.position, p.widths(), p.flow, p.flow_stress, p.flow_work, p.dim,
     )  # fmt: skip
 
 
@@ -97,12 +98,14 @@ def rearrange(p, motions, contacts, dt: float) -> None:
     Obstacles among the `contacts` are mirrors: they guide the points that they hold.
     """
     n = p.awake
-    way, lift, free = p.rearrangement[:n], np.zeros((n, p.dimension)), np.ones((n, p.dimension))
-    for motion in motions:
-        motion.hold_zero(p, way)
-        motion.hold_zero(p, free)
-    flow = p.flow[:n]
-    part = np.minimum(REARRANGED * dt * flow[:, ACTIVITY] * flow[:, RATE], MOST_REARRANGED) * free.all(axis=1)
+    way, lift, flow = p.rearrangement[:n], np.zeros((n, p.dimension)), p.flow[:n]
+    part = np.minimum(REARRANGED * dt * flow[:, ACTIVITY] * flow[:, RATE], MOST_REARRANGED)
+    if motions:
+        free = np.ones((n, p.dimension))
+        for motion in motions:
+            motion.hold_zero(p, way)
+            motion.hold_zero(p, free)
+        part *= free.all(axis=1)
     for contact in contacts:
         if hasattr(contact, "guide"):
             contact.guide(p, 0.5 * NEAREST * flow[:, SIZE], part, way, lift)
@@ -111,12 +114,39 @@ def rearrange(p, motions, contacts, dt: float) -> None:
     _rearrange(n, way, lift, p.position, p.exchanged_strain, p.dilation, external, contact, p.flow_work, p.dim)
 
 
+def viscosity(block, p, bulk, shear) -> np.ndarray:
+    """Bulk viscosity (rows,) Pa s of the rows of `block` with these moduli (rows,) Pa, at the present activity."""
+    found = np.zeros(len(bulk))
+    _find_viscosity(
+        block.first, block.active, bulk, shear, p.mass, p.volume, p.share, p.activity, p.position, p.widths(), found,
+        p.dim,
+    )  # fmt: skip
+    return found
+
+
+@kernel
+def _find_viscosity(point, active, bulk, shear, mass, volume, share, activity, position, width, found, dim):
+    for r in range(point.shape[0]):
+        i = point[r]
+        if active[r] and activity[i] > 0.0:
+            modulus = bulk[r] + 4.0 / 3.0 * shear[r]
+            size, speed, density = _measures(i, modulus, mass, volume, share, position, width, dim)
+            found[r] = VISCOSITY * activity[i] * density * speed * size
+
+
+@inlined
+def _measures(i, modulus, mass, volume, share, position, width, dim):
+    """Size (of a ring: across), speed of P waves, and density of a point that is not degenerate."""
+    around = 2.0 * np.pi * position[i, 0] if width.shape[0] > 0 else 1.0
+    size = (volume[i] * share[i, 2] / (share[i, 1] * around)) ** (1.0 / len(dim))
+    return size, np.sqrt(modulus * volume[i] / mass[i]), mass[i] * share[i, 1] / (volume[i] * share[i, 2])
+
+
 @kernel
 def _describe(
     point, active, dt, exchanged, viscosity, column, stress, state, bulk, uneven_rate, link, mass, volume, share,
-    gradient, activity, viscous, position, width, flow, flow_stress, work, dim,
+    gradient, activity, flowed, viscous, position, width, flow, flow_stress, work, dim,
 ):  # fmt: skip
-    d = len(dim)
     for r in range(point.shape[0]):
         i = point[r]
         if not active[r]:
@@ -124,20 +154,20 @@ def _describe(
                 flow[i, c] = 0.0
             activity[i] = viscous[i] = 0.0
             continue
-        across = 2.0 * np.pi * position[i, 0] if width.shape[0] > 0 else 1.0  # of a ring
-        size = (volume[i] * share[i, 2] / (share[i, 1] * across)) ** (1.0 / d)
-        speed = np.sqrt(link[i, 0] * volume[i] / mass[i])
+        size, speed, density = _measures(i, link[i, 0], mass, volume, share, position, width, dim)
         courant = dt * speed / size
         lost = 1.0 - link[i, 1]
         activity[i] += min(MEMORY * courant, 1.0) * (lost / (lost + SENSITIVITY * link[i, 1]) - activity[i])
+        if activity[i] < QUIET:
+            activity[i] = 0.0
         for c in range(stress.shape[1]):
             flow_stress[i, c] = stress[r, c]
         flow[i, SIGNED] = (stress[r, 0] + stress[r, 1] + stress[r, 2]) / 3.0 + bulk[r] * state[r, column]
         flow[i, ACTIVITY] = activity[i]
         flow[i, SIZE] = size
         flow[i, RATE] = _shear_rate(la.matrix_at(gradient, i, 0, dim))
+        flowed[i] += activity[i] * flow[i, RATE] * dt
         flow[i, PART] = min(exchanged * courant, MOST_EXCHANGED)
-        density = mass[i] * share[i, 1] / (volume[i] * share[i, 2])
         q = viscosity * activity[i] * density * speed * size * uneven_rate[i]
         viscous[i] = q
         work[i, _VISCOUS] += q * uneven_rate[i] * dt * volume[i] * share[i, 2]

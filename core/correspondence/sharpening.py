@@ -14,7 +14,8 @@ As c is symmetric, a uniform stress exerts the forces that it would exert withou
 viscosity q of a flow (`periporo.core.correspondence.regularity`) works on tr U and is conjugate to it in the same way.
 On a grid g = d/(d + 2) (sum w) (sum w |xi|^4) / (sum w |xi|^2)^2. All points have the g of the grid, which fades with
 their activity in a flow: where neighbours are few and far, as in a toe that comes apart, the moments of a point's own
-neighbourhood make g twice as large and the step smaller, and nowhere do they make waves better.
+neighbourhood make g twice as large and the step smaller, and nowhere do they make waves better. A point that has
+flowed far is not on a grid any more: there g would only raise the highest frequencies, and does not come back.
 """
 
 import itertools
@@ -24,8 +25,12 @@ import numpy as np
 from periporo.core.correspondence.influence import influence_table, influences
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics import vectors
-from periporo.core.numerics.jit import kernel
+from periporo.core.numerics.jit import inlined, kernel
 from periporo.core.points.particles import Field
+
+ORDERED, DISORDERED = 0.1, 0.3  # shear strain of flow, up to which points are on a grid, and beyond which on none
+
+_STIFFER = 0.35  # what sharpening adds to the highest frequency of a grid
 
 
 def fields(dimension: int) -> tuple[Field, ...]:
@@ -48,49 +53,82 @@ def factor(dimension: int, m: float, influence_name: str) -> float:
 
 
 def sharpen(particles, pairs, g: float) -> None:
-    """Find M of the owned points from L of these and of the ghosts; in flowing soil g fades with the activity."""
+    """Find M of the owned points from L of these and of the ghosts; in soil that flows, or has flowed far, g fades."""
     p = particles
     p.sharp[:] = 0.0
-    _sum_differences(pairs.first, pairs.second, pairs.weight, p.volume, p.share, p.gradient, p.sharp, p.dim)
-    _combine(p.awake, g, p.activity, p.volume, p.share, p.gradient, p.sharp, p.uneven_rate, p.dim)
+    asks = np.zeros(p.total, np.bool_)
+    _find_asking(p.awake, p.activity, p.flowed, asks)
+    _sum_differences(pairs.first, pairs.second, pairs.weight, p.volume, p.share, p.gradient, asks, p.sharp, p.dim)
+    _combine(p.awake, g, asks, p.activity, p.flowed, p.volume, p.share, p.gradient, p.sharp, p.uneven_rate, p.dim)
+
+
+@inlined
+def sharpness_of(activity, flowed):
+    """The part of g that is left to a point with this activity, which has flowed by that shear strain."""
+    return (1.0 - activity) * min(max((DISORDERED - flowed) / (DISORDERED - ORDERED), 0.0), 1.0)
 
 
 @kernel
-def _sum_differences(first, second, weight, volume, share, gradient, sums, dim):
-    """Sums of (c/2) (L_i - L_j) over the neighbours of each point."""
+def _find_asking(owned, activity, flowed, asks):
+    """Which points have use for U: not those that have flowed, and rest."""
+    for i in range(owned):
+        asks[i] = activity[i] > 0.0 or sharpness_of(activity[i], flowed[i]) > 0.0
+
+
+@kernel
+def _sum_differences(first, second, weight, volume, share, gradient, asks, sums, dim):
+    """Sums of (c/2) (L_i - L_j) over the neighbours of each point that asks."""
     matrix, last, own = la.zero_matrix(dim), -1, vectors.zero(la.zero_matrix(dim))
     for b in range(first.shape[0]):
-        w = weight[b]
-        if w != 0.0:
-            i, j = first[b], second[b]
+        w, i, j = weight[b], first[b], second[b]
+        if w != 0.0 and (asks[i] or asks[j]):
             half = 0.5 * w * volume[i] * volume[j] * (share[i, 0] * share[j, 1] + share[j, 0] * share[i, 1])
             to_j = (vectors.row(gradient, j, matrix) - vectors.row(gradient, i, matrix)) * half
             last, own = vectors.add_to_ends(sums, i, j, to_j * -1.0, to_j, last, own)
 
 
 @kernel
-def _combine(owned, g, activity, volume, share, gradient, sharp, uneven_rate, dim):
+def _combine(owned, g, asks, activity, flowed, volume, share, gradient, sharp, uneven_rate, dim):
     """M of the owned points, and tr U, from the sums; zero, as L, of degenerate ones."""
     d = len(dim)
     for i in range(owned):
         own = volume[i] * share[i, 2]
         over = 1.0 / own if own > 0.0 else 0.0
         uneven_rate[i] = 0.0
+        if not asks[i]:
+            for c in range(d * d):
+                sharp[i, c] = gradient[i, c]
+            continue
+        sharpness = sharpness_of(activity[i], flowed[i])
         for a in range(d):
             uneven_rate[i] += over * sharp[i, (d + 1) * a]
         for c in range(d * d):
-            sharp[i, c] = gradient[i, c] + g * (1.0 - activity[i]) * over * sharp[i, c]
+            sharp[i, c] = gradient[i, c] + g * sharpness * over * sharp[i, c]
+
+
+def softening(particles, points) -> np.ndarray:
+    """About which part of the stiffness of a grid to its highest mode the `points` (n,) have."""
+    p, found = particles, np.empty(len(points))
+    _find_softening(points, p.activity, p.flowed, found)
+    return found
 
 
 @kernel
-def show_stress(point, active, stress, viscous, g, activity, seen, dim):
+def _find_softening(points, activity, flowed, found):
+    for r in range(points.shape[0]):
+        sharpness = sharpness_of(activity[points[r]], flowed[points[r]])
+        found[r] = ((1.0 + _STIFFER * sharpness) / (1.0 + _STIFFER)) ** 2
+
+
+@kernel
+def show_stress(point, active, stress, viscous, g, activity, flowed, seen, dim):
     """g sigma + q I of the points with a row here; zero of inactive ones."""
     d = len(dim)
     for r in range(point.shape[0]):
         i = point[r]
         if active[r]:
             sigma = la.full(la.symmetric_at(stress, r, 0, dim))
-            la.store(seen, i, 0, la.scaled(sigma, g * (1.0 - activity[i])))
+            la.store(seen, i, 0, la.scaled(sigma, g * sharpness_of(activity[i], flowed[i])))
             for a in range(d):
                 seen[i, (d + 1) * a] += viscous[i]
         else:

@@ -91,8 +91,11 @@ class Standard:
         for block in bonds.blocks if self.axisymmetric else ():
             hoop.add_force(block, p, force)
 
-    def add_springs(self, particles, bonds, block, bulk, shear, springs) -> None:
-        """Add the stiffness of the points' bonds, with moduli (n,) Pa of the block's rows."""
+    def add_springs(self, particles, bonds, block, bulk, shear, limit: float, springs) -> None:
+        """Add the stiffness of the points' bonds, with moduli (n,) Pa of the block's rows.
+
+        A scheme's viscosity is stiffness to steps of up to `limit` s, if that is not 0.
+        """
         p, pairs = particles, bonds.pairs
         sums = np.zeros_like(springs)
         _sum_springs(pairs.first, pairs.second, pairs.weight, p.position, p.volume, sums, p.dim)

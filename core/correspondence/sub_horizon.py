@@ -123,7 +123,7 @@ class SubHorizon:
                 self._pair_exchange = PairExchange(halo, p, pairs)
             self._pair_exchange.run(sides)
 
-    def add_springs(self, particles, bonds, block, bulk, shear, springs) -> None:
+    def add_springs(self, particles, bonds, block, bulk, shear, limit: float, springs) -> None:
         """Add the stiffness of the points' bonds, with moduli (n,) Pa of the block's rows."""
         p = particles
         _sum_springs(

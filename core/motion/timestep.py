@@ -6,6 +6,10 @@ its bonds taken as springs, omega_i^2 = lambda_max(sum_b 2 c_b/r_b^2 [mu I + (K 
 at once when points come close or stiffen. Its ratio to the exact value is measured again when it has changed,
 and every few hundred steps, since a point in a nearly degenerate neighbourhood is stiffer than its springs; while the
 ratio stays the same it is measured less and less often.
+
+Viscosity of the soil shortens the step as a stiffness would: with the damping C of velocities half a step earlier, a
+step h is stable while dt^2/4 K + dt/2 C <= M holds for all dt <= h, which K + (2/h) C tells. Both frequencies are of
+that, with the activity that the soil has and the limit h of the look before. If the limit falls, C counts more.
 """
 
 import math
@@ -30,7 +34,7 @@ _NEVER = 2**62
 _STEADY = 0.02  # relative change of the ratio up to which it is measured less often
 _SCRATCHED = ("velocity", "jacobian", "tilt", "viscous_stress")  # fields of points that keep their values
 _HELD = ("seen", "held_flux")  # what points that sleep add to forces, whatever moves
-_REMEMBERED = ("ratio", "reduction", "_calibrated_at", "_calibrated_in", "_pause", "_local", "_again")
+_REMEMBERED = ("ratio", "reduction", "_calibrated_at", "_calibrated_in", "_pause", "_local", "_again", "_limit")
 
 
 class StableTimeStep:
@@ -47,6 +51,7 @@ class StableTimeStep:
         self._pause = _OFTEN  # steps
         self._local = 0.0  # frequency when the step was last chosen
         self._again = _NEVER  # step by which it is chosen anew in any case
+        self._limit = 0.0  # s, of stability, when the step was last chosen
 
     def due(self, step: int) -> bool:
         """Whether the step is to be chosen anew."""
@@ -63,14 +68,16 @@ class StableTimeStep:
         if sim.sleep is not None and sim.sleep.share == 1.0:
             return sim.dt
         _stiffen_contacts(sim)
-        local = local_frequency(sim, sim.contacts, self.interval * sim.dt)
+        flows = sim.scheme.viscosity > 0.0 and any(block.flows for block in sim.bonds.blocks)
+        before = self._limit if flows else 0.0
+        local = local_frequency(sim, sim.contacts, self.interval * sim.dt, before)
         grows = local > (1.0 + _DRIFT) * self._local and self._local > 0.0
         self._local, self._again = local, sim.step_number + max(1, self.interval // 4 if grows else self.interval)
         drifted = not abs(local - self._calibrated_at) <= _DRIFT * self._calibrated_at
         if drifted or sim.step_number >= self._calibrated_in + self._pause:
-            exact = highest_frequency(sim)
-            before, self.ratio = self.ratio, exact / local if local > 0.0 and exact > 0.0 else 1.0
-            steady = not drifted and abs(self.ratio - before) <= _STEADY * before
+            exact = highest_frequency(sim, before)
+            ratio, self.ratio = self.ratio, exact / local if local > 0.0 and exact > 0.0 else 1.0
+            steady = not drifted and abs(self.ratio - ratio) <= _STEADY * ratio
             self._pause = min(2 * self._pause, _SELDOM) if steady else _OFTEN
             self._calibrated_at, self._calibrated_in = local, sim.step_number
         if local == 0.0 and sim.dt > 0.0:
@@ -81,7 +88,10 @@ class StableTimeStep:
         bodies = (c.frequency(sim.comm, sim.particles, sim.time, self.interval * sim.dt) for c in sim.contacts
                   if hasattr(c, "frequency"))  # fmt: skip
         frequency = math.hypot(self.ratio * local, max(bodies, default=0.0))
-        return self.reduction * min(self.safety, damped_limit(sim, frequency)) * 2.0 / frequency
+        self._limit = 2.0 / frequency
+        if self._limit < before:
+            self._limit *= self._limit / before
+        return self.reduction * min(self.safety, damped_limit(sim, frequency)) * self._limit
 
     def memory(self) -> dict:
         """What a checkpoint keeps."""
@@ -105,58 +115,47 @@ def _stiffen_contacts(sim) -> None:
 
 
 def damped_limit(sim, frequency: float) -> float:
-    """Longest step over 2/`frequency` (rad/s) with the scheme's viscosity and the dampings of contacts.
+    """Longest step over 2/`frequency` (rad/s) with the dampings of contacts and loads.
 
-    It is a bit below sqrt(1 + zeta^2) - zeta, zeta being the largest of a omega l / c and the shares of critical
-    damping of contacts and loads. The former is at least the part of critical damping of a wave of that frequency, for
-    viscosity a rho c l against the uneven part of the rate, which is up to twice the rate. The damping force is that of
-    the velocity half a step earlier, so it shortens the step. Infinite without any.
+    It is a bit below sqrt(1 + zeta^2) - zeta, zeta being the largest share of critical damping. The damping force is
+    that of the velocity half a step earlier, so it shortens the step. Infinite without any.
     """
-    zeta = max([_viscosity(sim, frequency), *(float(np.max(contact.damping)) for contact in sim.contacts)])
+    zeta = max([0.0, *(float(np.max(contact.damping)) for contact in sim.contacts)])
     rates = [load.damping_rate for load in sim.loads if hasattr(load, "damping_rate")]
     zeta = max([zeta, *(0.5 * rate / frequency for rate in rates)])
     return _DAMPED * (math.sqrt(1.0 + zeta * zeta) - zeta) if zeta > 0.0 else math.inf
 
 
-def _viscosity(sim, frequency):
-    """a omega l / c of soil that flows, 0 without."""
-    flowing = [block for block in sim.bonds.blocks if block.opening is not None and not block.keeps_all]
-    if sim.scheme.viscosity == 0.0 or not flowing:
-        return 0.0
-    squares = (block.stiffest(block.stiffness()) / block.material.density for block in flowing)
-    fastest = maximum(sim.comm, max(squares))  # square of the speed of P waves
-    return sim.scheme.viscosity * frequency * sim.spacing / math.sqrt(fastest) if fastest > 0.0 else 0.0
-
-
-def local_frequency(sim, contacts, ahead: float = 0.0) -> float:
+def local_frequency(sim, contacts, ahead: float = 0.0, limit: float = 0.0) -> float:
     """Largest of the points' own frequency estimates from bonds and `contacts`, rad/s.
 
-    A contact counts if it acts, or may within the time `ahead` (s).
+    A contact counts if it acts, or may within the time `ahead` (s); viscosity counts for steps of up to `limit` s, if
+    that is not 0.
     """
     p = sim.particles
-    springs, stiffness = local_stiffness(sim, contacts, ahead)
+    springs, stiffness = local_stiffness(sim, contacts, ahead, limit)
     return float(np.sqrt(maximum(sim.comm, _largest_square_frequency(p.awake, springs, stiffness, p.mass, p.dim))))
 
 
-def local_stiffness(sim, contacts, ahead: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+def local_stiffness(sim, contacts, ahead: float = 0.0, limit: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """N/m of the points, their bonds taken as springs (total, 3|6), and their `contacts` (owned,)."""
     p = sim.particles
     springs = np.zeros((p.total, p.dimension * (p.dimension + 1) // 2))
     for block in sim.bonds.blocks:
-        bulk, shear = block.stiffness()
-        sim.scheme.add_springs(p, sim.bonds, block, bulk, shear, springs)
+        sim.scheme.add_springs(p, sim.bonds, block, *block.stiffness(), limit, springs)
     stiffness = np.zeros(p.owned)
     for contact in contacts:
         contact.add_stiffness(p, sim.time, ahead, stiffness)
     return springs, stiffness
 
 
-def highest_frequency(sim) -> float:
+def highest_frequency(sim, limit: float = 0.0) -> float:
     """Highest frequency of the elastic operator of all bonds and contacts by Lanczos iteration, rad/s.
 
     The moduli are those of the present stress and state. These, and what points carry, are put aside meanwhile; nothing
     of the simulation changes. It starts from random numbers everywhere: where points look stiffest by themselves, the
-    highest mode often is not, and an iteration that starts there finds a lower one.
+    highest mode often is not, and an iteration that starts there finds a lower one. With a `limit` (s) it is that of a
+    step of this length with the present viscosity.
     """
     p, n = sim.particles, sim.particles.awake
     with held(sim):
@@ -168,7 +167,7 @@ def highest_frequency(sim) -> float:
         value = 0.0
         vector /= np.sqrt(inner(sim.comm, vector, vector))
         for _ in range(_MOST_ITERATIONS):
-            image = apply_stiffness(sim, vector / root_mass) / root_mass
+            image = apply_stiffness(sim, vector / root_mass, limit) / root_mass
             diagonal.append(inner(sim.comm, vector, image))
             before, value = value, _largest_eigenvalue(diagonal, beside)
             image -= diagonal[-1] * vector + beta * previous
@@ -207,8 +206,11 @@ def _largest_eigenvalue(diagonal, beside):
     return float(np.linalg.eigvalsh(matrix)[-1]) if np.isfinite(matrix).all() else np.nan
 
 
-def apply_stiffness(sim, displacement):
-    """Elastic force (awake, d) that a small displacement calls forth, by the production kernels and contacts."""
+def apply_stiffness(sim, displacement, limit: float = 0.0):
+    """Elastic force (awake, d) that a small displacement calls forth, by the production kernels and contacts.
+
+    With that of the scheme's viscosity, if there is a `limit` (s), when it happens in half of it.
+    """
     p = sim.particles
     size = maximum(sim.comm, float(np.abs(displacement).max(initial=0.0)))
     dt = 1e-15 * sim.spacing / size  # small enough to be linear
@@ -222,6 +224,8 @@ def apply_stiffness(sim, displacement):
     for block in sim.bonds.blocks:
         bulk, shear = block.stiffness()
         _add_elastic(bulk, shear, block.stress, block.strain_increment)
+    if limit > 0.0:
+        sim.scheme.resist(p, sim.bonds, sim.halo, 2.0 / limit)
     force, held = np.zeros((2, p.total, p.dimension))
     moment = np.zeros((p.owned, p.dimension**2))
     for contact in sim.contacts:

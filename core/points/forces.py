@@ -1,6 +1,6 @@
 """Forces on points, in channels that the energy ledger tells apart."""
 
-from functools import reduce
+import functools
 
 import numpy as np
 
@@ -56,7 +56,7 @@ class ForceChannels:
 
     def moment(self) -> np.ndarray | None:
         """Sum of all moments of loads on faces, (owned, d^2) N m, or None if no channel has such loads."""
-        return reduce(np.add, self.moments()) if self.on_faces else None
+        return functools.reduce(np.add, self.moments()) if self.on_faces else None
 
     def clear(self) -> None:
         """No load any more; the internal force stays."""

@@ -5,8 +5,10 @@ import pytest
 
 from periporo.contact.rigid import RigidContact
 from periporo.contact.surfaces import Plane
+from periporo.core.correspondence.point_state import PointState
 from periporo.core.motion.timestep import StableTimeStep, apply_stiffness, highest_frequency, local_frequency
 from periporo.errors import InputError
+from periporo.materials.drucker_prager import DruckerPrager
 from periporo.materials.elastic import Elastic
 
 SPACING = 0.01
@@ -132,7 +134,7 @@ def test_the_ratio_is_measured_less_often_while_nothing_changes(cloud, grid, mon
     measured = []
     exact = highest_frequency(sim)
     monkeypatch.setattr(
-        "periporo.core.motion.timestep.highest_frequency", lambda sim: measured.append(sim.step_number) or exact
+        "periporo.core.motion.timestep.highest_frequency", lambda sim, limit: measured.append(sim.step_number) or exact
     )
     step = StableTimeStep(0.8, None, 10)
     for sim.step_number in range(0, 3000, 10):
@@ -140,3 +142,24 @@ def test_the_ratio_is_measured_less_often_while_nothing_changes(cloud, grid, mon
             sim.particles.mass *= 0.5
         step.choose(sim)
     assert measured == [0, 200, 600, 1400, 2200, 2500, 2700]
+
+
+def test_viscosity_limits_the_step_as_it_does_the_integrator(cloud, grid):
+    """Kicks with velocities half a step old, K and C probed: stable below the limit that looks come to, not above."""
+    sim = cloud(grid(6, 5, spacing=SPACING, jitter=0.1), laws=[DruckerPrager.example()],
+                scheme=lambda h, name: PointState(h, name, sharpened=SPACING, regular=True))  # fmt: skip
+    p = sim.particles
+    p.activity[:] = np.random.default_rng(2).uniform(0.5, 1.0, p.owned)
+    for _ in range(12):
+        step = sim.time_step.choose(sim)
+    units = np.eye(2 * p.owned).reshape(-1, p.owned, 2)
+    mass = np.repeat(p.mass, 2)
+    stiffness = np.array([apply_stiffness(sim, unit).ravel() / mass for unit in units]).T
+    damping = np.array([apply_stiffness(sim, unit, 2.0).ravel() / mass for unit in units]).T - stiffness
+    largest = []
+    for dt in (step / 0.8 * 0.98, step / 0.8 * 1.04):
+        velocity = np.hstack([np.eye(len(mass)) - dt * damping, -dt * stiffness])
+        both = np.vstack([velocity, np.hstack([np.zeros_like(stiffness), np.eye(len(mass))]) + dt * velocity])
+        largest.append(np.abs(np.linalg.eigvals(both)).max())
+    assert largest[0] < 1.0 + 1e-6 and largest[1] > 1.05
+    assert highest_frequency(sim, step / 0.8) > 1.04 * highest_frequency(sim)  # and it counts
