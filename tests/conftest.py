@@ -25,11 +25,32 @@ SOFT = {"model": "elastic", "density": 2100.0, "bulk_modulus": 10e6, "shear_modu
 # Ranks and other tests share the cores: MPICH waits busily, so let it sleep; Open MPI refuses many ranks, so allow it
 PATIENT = {"MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT": "64",
            "OMPI_MCA_rmaps_base_oversubscribe": "1"}  # fmt: skip
+LONGEST = ("mpi/test_mpi.py", "materials/test_testing.py", "verification/test_cases.py", "mpi/test_checkpoint.py")
 CAM_CLAY = {
     "model": "cam_clay", "grain_density": 2200.0, "porosity": 0.2, "bulk_modulus": 25e6, "shear_modulus": 15e6,
     "critical_state_slope": 1.1, "compression_index": 0.12, "swelling_index": 0.04, "viscosity": 1000.0,
     "overconsolidation_ratio": 1.25,
 }  # fmt: skip
+
+
+def pytest_configure(config):
+    """Have xdist keep the order of modules: it would begin with those of many tests, which need not be long."""
+    config.option.loadscopereorder = False
+
+
+def pytest_collection_modifyitems(items):
+    """Long modules first, so that processes side by side end together.
+
+    The second begins with laws while the first compiles what moves points: else both would compile the same.
+    """
+
+    def place(item):
+        path = item.path.relative_to(Path(__file__).parent)
+        if path.as_posix() in LONGEST:
+            return LONGEST.index(path.as_posix())
+        return len(LONGEST) + (path.parts[0] not in ("mpi", "verification"))
+
+    items.sort(key=place)
 
 
 def _grid(*counts, spacing=0.01, jitter=0.0, seed=3):

@@ -53,7 +53,7 @@ def _rotation(axis, angle):
 
 def rigid_turns(full=False, scheme=DEFAULT):
     """V2 (a): rigid rotation, 100 steps per turn: an initial stress must turn with the body, and none may appear."""
-    turns = 10 if not full else 1000 if scheme == DEFAULT else 100
+    turns = 3 if not full else 1000 if scheme == DEFAULT else 100
     start = {"xx": 2e4, "yy": -1e4, "zz": 5e3, "xy": 7e3}
     figures = []
     for dimension in (2, 3):
