@@ -7,14 +7,20 @@ ratio of the processor times is its cost. "Off" is the time that the steps of a 
 loop, in per cent of the step: nothing is tested for there, so this is what going through an empty list costs. Bare
 is a scene that has none of the features, nor what every scene has if it does not say otherwise: the repulsion of
 points that come too close, and the strains in the results. These two have rows of their own.
+
+A second table is of what every step does to see trouble, or to keep the ledger, on a floor with contact: the shortest
+of many calls, over the shortest step.
 """
 
 import time
+from functools import partial
 
 import numpy as np
 from mpi4py import MPI
 
 from periporo.contact.repulsion import Repulsion
+from periporo.core.motion.integrator import first_kick
+from periporo.core.motion.pace import kick_within
 from periporo.core.points.fields import StrainMeasures
 from periporo.core.scene.build import build
 from periporo.io.input.load import parse_scene
@@ -48,6 +54,24 @@ EVERYWHERE = {  # name -> (class, the part of the step)
     "repulsion of close points": (Repulsion, "contact"),
     "strains in the results": (StrainMeasures, "point processes"),
 }
+GUARDS = {  # what a step does, and what it would do instead
+    "look ahead where points are fast": (
+        lambda sim: kick_within(sim, 0.0),
+        lambda sim: first_kick(sim.particles, sim.forces, 0.0),
+    ),
+    "updates that laws refuse, or fail in": (
+        lambda sim: (sim.bonds.refusals(), sim.bonds.failures(sim.particles.owned)),
+        lambda sim: None,
+    ),
+    "points that moved far, or passed an obstacle": (
+        lambda sim: (sim.neighbours_are_stale(), sim.refuse_breaches()),
+        lambda sim: None,
+    ),
+    "work of loads on faces": (
+        lambda sim: (sim.forces.book_moments(0.0), sim.forces.book_moments(0.0)),
+        lambda sim: None,
+    ),
+}
 
 
 def square(side: int, change: dict) -> dict:
@@ -76,11 +100,40 @@ def run(scene: dict, without: tuple = ()) -> tuple[float, dict]:
     return time.process_time() - began, sim.timing.seconds
 
 
+def shortest(call, times: int = 300) -> float:
+    """Seconds of the shortest of so many calls, which other work on the machine disturbs least."""
+    seconds = []
+    for _ in range(times):
+        began = time.perf_counter()
+        call()
+        seconds.append(time.perf_counter() - began)
+    return min(seconds)
+
+
+def guards(side: int) -> None:
+    """Print what each guard takes of a step."""
+    sim = build(parse_scene(square(side, {"gravity": [0, -9.81], "contacts": [FLOOR]})), MPI.COMM_SELF)
+    sim.start()
+    step = shortest(sim.step)
+    print("\n| guard | % of the step |\n|---|---|")
+    for name, both in GUARDS.items():
+        cost, instead = (shortest(partial(call, sim)) for call in both)
+        print(f"| {name} | {100 * (cost - instead) / step:.2f} |", flush=True)
+
+
 def main(words=None):
     parser = option_parser(__name__, __doc__)
     parser.add_argument("--side", type=int, default=100, help="points along an edge of the square")
     parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--guards", action="store_true", help="only the second table")
     arguments = parser.parse_args(words)
+    if not arguments.guards:
+        features(arguments)
+    guards(arguments.side)
+
+
+def features(arguments) -> None:
+    """Print what each feature costs."""
     plain = square(arguments.side, {})
     run(plain)
     rows = {name: (square(arguments.side, change), (), part) for name, (change, part) in FEATURES.items()}

@@ -4,6 +4,7 @@ import functools
 
 import numpy as np
 
+from periporo.core.numerics import vectors
 from periporo.core.numerics.jit import kernel
 from periporo.core.points.particles import Field, Particles
 
@@ -22,8 +23,11 @@ class ForceChannels:
     def __init__(self, particles: Particles):
         self.names: list[str] = []
         self.columns = np.empty(0, np.int64)  # of `work`, for each channel
-        self._found: tuple[np.ndarray | None, tuple[np.ndarray, ...]] = None, ()  # ids of the points, and their arrays
+        self._ids: np.ndarray | None = None  # of the points that these arrays are of
+        self._arrays: tuple[np.ndarray, ...] = ()
+        self._moments: tuple[np.ndarray, ...] = ()
         self.on_faces: list[str] = []  # channels whose loads act on faces
+        self._face_columns: tuple[int, ...] = ()  # of `work`, for each of these
         self._particles = particles
         particles.add_field(Field("work", len(WORK), "J", sent=False))
         particles.add_field(Field("previous_velocity", particles.dimension, "m/s", migrates=False, sent=False))
@@ -32,27 +36,34 @@ class ForceChannels:
         """Declare a channel of `WORK`, with moments if loads act `on_faces`; declaring it again changes nothing."""
         if on_faces and name not in self.on_faces:
             self.on_faces.append(name)
+            self._face_columns += (WORK.index(name),)
+            self._ids = None
             # kept from one step to the next, which begins with these loads
             self._particles.add_field(Field(f"{name}_moment", self._particles.dimension**2, "N m", sent=False))
         if name not in self.names:
             self.names.append(name)
             self.columns = np.array([WORK.index(n) for n in self.names], np.int64)
-            self._found = None, ()
+            self._ids = None
             self._particles.add_field(
                 Field(f"{name}_force", self._particles.dimension, "N", migrates=False, sent=True)
             )
 
     def arrays(self) -> tuple[np.ndarray, ...]:
         """The (total, d) N array of each channel."""
-        ids, arrays = self._found
-        if ids is not self._particles.id:  # a rebuild makes all arrays anew
-            arrays = tuple(getattr(self._particles, f"{n}_force") for n in self.names)
-            self._found = self._particles.id, arrays
-        return arrays
+        self._find()
+        return self._arrays
 
-    def moments(self) -> list[np.ndarray]:
+    def moments(self) -> tuple[np.ndarray, ...]:
         """The (owned, d^2) N m array of each channel with loads on faces."""
-        return [getattr(self._particles, f"{name}_moment") for name in self.on_faces]
+        self._find()
+        return self._moments
+
+    def _find(self):
+        p = self._particles
+        if self._ids is not p.id:  # a rebuild makes all arrays anew
+            self._arrays = tuple(getattr(p, f"{name}_force") for name in self.names)
+            self._moments = tuple(getattr(p, f"{name}_moment") for name in self.on_faces)
+            self._ids = p.id
 
     def moment(self) -> np.ndarray | None:
         """Sum of all moments of loads on faces, (owned, d^2) N m, or None if no channel has such loads."""
@@ -70,8 +81,8 @@ class ForceChannels:
         """Give channels the work of their moments in `dt` s, at the points' velocity gradients."""
         p = self._particles
         if self.on_faces:
-            columns = tuple(WORK.index(name) for name in self.on_faces)
-            _book_moments(p.owned, dt, tuple(self.moments()), p.gradient, p.work, columns, INTERNAL, p.dim)
+            square = p.dim * p.dimension  # as long as a row
+            _book_moments(p.owned, dt, self.moments(), p.gradient, p.work, self._face_columns, INTERNAL, square)
 
     def total(self) -> np.ndarray:
         """Sum of all channels on the owned points, (owned, d) N."""
@@ -80,12 +91,11 @@ class ForceChannels:
 
 
 @kernel
-def _book_moments(owned, dt, moments, gradient, work, columns, internal, dim):
+def _book_moments(owned, dt, moments, gradient, work, columns, internal, square):
     for i in range(owned):
+        rate = vectors.row(gradient, i, square) * dt
         for c, moment in enumerate(moments):
-            done = 0.0
-            for k in range(len(dim) ** 2):
-                done += dt * moment[i, k] * gradient[i, k]
+            done = vectors.dot(vectors.row(moment, i, square), rate)
             if done != 0.0:  # most points bear none, or NaN
                 work[i, columns[c]] += done
                 work[i, internal] -= done
