@@ -164,13 +164,13 @@ class PointState(Standard):
             regularity.describe(block, p, self._dt, viscous=not self._is_quasi_static)
         halo.update(p, "link", "flow", "flow_stress")
         exchanging = [block for block in flowing if getattr(block.material, "exchanges_stress", False)]
-        regularity.exchange(p, bonds.pairs, exchanging, self._dt)
+        regularity.exchange(p, bonds.pairs, exchanging)
         self._ends_are_known = True
 
-    def rearrange(self, particles, motions, contacts, dt: float) -> None:
+    def rearrange(self, particles, motions, contacts) -> None:
         """Move points that a flow brought too close together; what `motions` prescribe stays."""
         if self.regular:
-            regularity.rearrange(particles, motions, contacts, dt)
+            regularity.rearrange(particles, motions, contacts)
 
     def stop_flow(self, particles, rows: np.ndarray) -> None:
         """Points in `rows` stop to flow."""
