@@ -13,7 +13,8 @@ vertical stress in soil that flows (shear rate above 3 1/s) and rests (below .3 
 than 0 shakes the lattice by 1e-9 m: what it changes is the scatter that a chaotic flow has.
 
 Run-out is how far beyond the column the cells of 99 % of all its soil reach, over the half-width, and height is the top
-of the cells of 99 % of the connected soil. Loose grains at the front are soil, too: a coarse front comes apart into
+of the cells of 99 % of the connected soil. *core* is the area over the first of soil that has sheared by .1 to .5, told
+by the lattice's neighbours. Loose grains at the front are soil, too: a coarse front comes apart into
 more of them. *internal* is the least internal energy so far over the potential energy of the column.
 """
 
@@ -28,13 +29,14 @@ import periporo
 from periporo.core.points import fields
 
 from . import option_parser
-from .library.deposits import connected, covered_area, profile, scatter
+from .library.deposits import connected, covered_area, grown, profile, scatter
 
 WIDTH, DENSITY = 0.1, 1800.0
 FLOWING, RESTING = 3.0, 0.3  # 1/s
+CORE = 0.1, 0.5  # shear strain of soil that still has its neighbours
 _UPRIGHT = np.eye(2)
 _HEAD = (
-    "| H, m | H/dx | seed | t, s | steps | area | volumes | 1 % | 99 % | flow | rest | run-out | height | loose "
+    "| H, m | H/dx | seed | t, s | steps | area | core | volumes | 1 % | 99 % | flow | rest | run-out | height | loose "
     "| internal |"
 )
 
@@ -89,6 +91,9 @@ def measure(sim, height: float, rotation=_UPRIGHT, place=(0.0, 0.0)) -> dict[str
     g = p.gradient[:n].reshape(-1, 2, 2)
     rate = np.hypot(g[:, 0, 0] - g[:, 1, 1], g[:, 0, 1] + g[:, 1, 0])
     least = 0.1 * DENSITY * 9.81 * height
+    strain = p.equivalent_shear_strain[:n]
+    core = grown(p.initial_position[:n], p.position[:n], sim.spacing)[(strain > CORE[0]) & (strain < CORE[1])]
+    core = core[np.isfinite(core)]
     scatters = [
         scatter(position, stress, sim.spacing, own & chosen, least) for chosen in (rate > FLOWING, rate < RESTING)
     ]
@@ -97,6 +102,7 @@ def measure(sim, height: float, rotation=_UPRIGHT, place=(0.0, 0.0)) -> dict[str
     return {
         "time": sim.time, "steps": sim.step_number,
         "area": covered_area(position[own], sim.spacing) / p.volume[:n][own].sum(),
+        "core": core.mean() if len(core) else np.nan,
         "volumes": volume[own].sum() / p.volume[:n][own].sum(),
         "least volume": np.quantile(share, 0.01), "largest volume": np.quantile(share, 0.99),
         "scatter in flow": scatters[0], "scatter at rest": scatters[1],
@@ -138,7 +144,7 @@ def row(height: float, rows: int, seed: int, figures: dict) -> str:
     f = figures
     numbers = " | ".join(
         "" if math.isnan(f[name]) else f"{f[name]:.3f}"
-        for name in ("area", "volumes", "least volume", "largest volume", "scatter in flow", "scatter at rest",
+        for name in ("area", "core", "volumes", "least volume", "largest volume", "scatter in flow", "scatter at rest",
                      "run-out", "height")
     )  # fmt: skip
     head = f"| {height:g} | {rows} | {seed} | {f['time']:.2f} | {f['steps']} |"

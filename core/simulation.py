@@ -218,7 +218,7 @@ class Simulation:
         self.dt = dt = kick_within(self, chosen)  # v at t + dt/2
         for motion in self.prescribed_motions:
             motion.apply(p, self.time + dt / 2, dt, closing_step=False)
-        self.scheme.rearrange(p, self.prescribed_motions, self.contacts, dt)
+        self.scheme.rearrange(p, self.prescribed_motions, self.contacts)
         self.moved, self.way = drift(p, forces, dt)  # x at t + dt
         timing.lap("integration")
         if neighbours_are_stale(self):

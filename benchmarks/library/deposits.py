@@ -53,6 +53,19 @@ def _covered(position, spacing):
     return x, closed[:, height > 0]
 
 
+def grown(first: np.ndarray, position: np.ndarray, spacing: float) -> np.ndarray:
+    """Area (n,) over the first of the cross that a point and its four neighbours of the lattice `first` (n, 2) make.
+
+    NaN for points with fewer; it says what soil has done that kept its neighbours.
+    """
+    area = np.full(len(first), np.nan)
+    for i, near in enumerate(cKDTree(first).query_ball_point(first, 1.1 * spacing)):
+        if len(near) == 5:
+            stretch, *_ = np.linalg.lstsq(first[near] - first[i], position[near] - position[i], rcond=None)
+            area[i] = np.linalg.det(stretch)
+    return area
+
+
 def fluctuations(position: np.ndarray, values: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
     """Deviation (n,) of `values` from a linear field through the neighbours of each point, and the neighbours' mean.
 

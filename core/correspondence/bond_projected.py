@@ -116,7 +116,7 @@ class BondProjected:
     def regularise(self, particles, bonds, halo) -> None:
         """What the scheme does to stress once the laws have answered: nothing."""
 
-    def rearrange(self, particles, motions, contacts, dt: float) -> None:
+    def rearrange(self, particles, motions, contacts) -> None:
         """Move points between steps: nothing."""
 
     def internal_force(self, particles, bonds, halo, force: np.ndarray, moment: np.ndarray | None = None) -> None:

@@ -176,13 +176,13 @@ class PointState(Standard):
             self._show_stress(p, bonds)
             halo.update(p, "link", "flow", "seen")
             self._stress_is_shown = True
-        regularity.exchange(p, bonds.pairs, exchanging, self._dt)
+        regularity.exchange(p, bonds.pairs, exchanging)
         self._ends_are_known = True
 
-    def rearrange(self, particles, motions, contacts, dt: float) -> None:
+    def rearrange(self, particles, motions, contacts) -> None:
         """Move points that a flow brought too close together; what `motions` prescribe stays."""
         if self.regular:
-            regularity.rearrange(particles, motions, contacts, dt)
+            regularity.rearrange(particles, motions, contacts)
 
     def add_springs(self, particles, bonds, block, bulk, shear, limit: float, springs) -> None:
         """Add the stiffness of the points' bonds, see `Standard.add_springs`: less where gradients are not sharp."""

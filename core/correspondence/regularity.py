@@ -5,10 +5,11 @@ how such points are filled up with others, so that the cloud becomes denser than
 mean stress, bulk modulus times small differences of strain, becomes noise. Three things are done, all in proportion
 to the *activity* a of the points, a running mean of the part of the trial stress that their law took away:
 
-- **Rearrangement.** Two points closer than their size, (V J)^(1/d), move apart along their line while they shear,
-  without velocity, strain or stress, by equal and opposite ways (the shifting of Xu,
-  Stansby & Laurence 2009 and Lind et al. 2012 for SPH, here in proportion to the shear strain, so that soil at rest
-  stays). Obstacles are mirrors. The work of gravity and contact on these ways is booked.
+- **Rearrangement.** A point moves away from those closer than their size, (V J)^(1/d), along their line while it
+  shears, without velocity, strain or stress (the shifting of Xu, Stansby & Laurence 2009 and Lind et al. 2012 for SPH,
+  here in proportion to the point's own shear strain, so that soil at rest stays: by equal and opposite ways, soil that
+  flows makes room for itself in the soil beneath, which becomes a tenth denser). Obstacles are mirrors. The work of
+  gravity and contact on these ways is booked.
 - **Exchange** of stress and of opened volume between neighbours of one material, which takes their differences away
   (diffusion of pressure, Molteni & Colagrossi 2009; of stress, Feng et al. 2021). Sums over the points are kept, an
   average of admissible stresses is admissible, and elastic energy only falls. Only laws that say `exchanges_stress`
@@ -27,7 +28,7 @@ from periporo.core.numerics.jit import inlined, kernel
 from periporo.core.points.forces import FLOW_WORK
 from periporo.core.points.particles import Field
 
-EXCHANGE = 2.5  # part of a difference that the exchange takes away, per Courant number
+EXCHANGE = 1.8  # part of a difference that the exchange takes away, per Courant number
 MOST_EXCHANGED = 0.9  # of a difference, in one step
 SHEAR_SHARE = 0.3  # of the exchange for the deviator
 VISCOSITY = 0.2  # of rho c l
@@ -38,14 +39,14 @@ NEAREST = 1.02  # size of points, over the side of a cube of their volume, below
 REARRANGED = 6.0  # part of the overlap that a shear strain of 1 takes away
 MOST_REARRANGED = 0.01  # of an overlap, in one step
 
-SIGNED, ACTIVITY, SIZE, RATE, PART = range(5)  # columns of the field `flow`
+SIGNED, ACTIVITY, SIZE, MOVED, PART = range(5)  # columns of the field `flow`
 _VISCOUS, _EXCHANGED, _REARRANGED = range(3)  # columns of the field `flow_work`
 
 
 def fields(dimension: int, components: int) -> tuple[Field, ...]:
     """What points need for it."""
     return (
-        Field("flow", 5, "Pa, 1, m, 1/s, 1"),
+        Field("flow", 5, "Pa, 1, m, 1, 1"),
         Field("flow_stress", components, "Pa", migrates=False),
         Field("rearrangement", dimension, "m"),
         Field("exchanged_strain", None, "1", sent=False),
@@ -67,7 +68,7 @@ def describe(block, p, dt: float, viscous: bool) -> None:
     )  # fmt: skip
 
 
-def exchange(p, pairs, blocks, dt: float) -> None:
+def exchange(p, pairs, blocks) -> None:
     """Exchange stress between neighbours, and find the ways by which points move apart before the next step.
 
     `blocks` are those of laws that exchange stress, for it is all that they remember.
@@ -75,7 +76,7 @@ def exchange(p, pairs, blocks, dt: float) -> None:
     stress, mean = np.zeros_like(p.flow_stress), np.zeros(p.total)
     p.rearrangement[:] = p.exchanged_strain[:] = 0.0
     _exchange(
-        pairs.first, pairs.second, pairs.weight, dt, p.position, p.material, p.link, p.flow, p.flow_stress, stress,
+        pairs.first, pairs.second, pairs.weight, p.position, p.material, p.link, p.flow, p.flow_stress, stress,
         mean, p.rearrangement, p.dim,
     )  # fmt: skip
     for block in blocks:
@@ -89,17 +90,17 @@ def exchange(p, pairs, blocks, dt: float) -> None:
 
 def stop(p, rows: np.ndarray) -> None:
     """Let the points in `rows` take no part in what their neighbours exchange; they keep their size."""
-    p.flow[rows, ACTIVITY] = p.flow[rows, RATE] = p.flow[rows, PART] = 0.0
+    p.flow[rows, ACTIVITY] = p.flow[rows, MOVED] = p.flow[rows, PART] = 0.0
 
 
-def rearrange(p, motions, contacts, dt: float) -> None:
+def rearrange(p, motions, contacts) -> None:
     """Move points by their rearrangement; components that `motions` prescribe stay. Volumes follow what was exchanged.
 
     Obstacles among the `contacts` are mirrors: they guide the points that they hold.
     """
     n = p.awake
     way, lift, flow = p.rearrangement[:n], np.zeros((n, p.dimension)), p.flow[:n]
-    part = np.minimum(REARRANGED * dt * flow[:, ACTIVITY] * flow[:, RATE], MOST_REARRANGED)
+    part = flow[:, MOVED].copy()
     if motions:
         free = np.ones((n, p.dimension))
         for motion in motions:
@@ -165,8 +166,9 @@ def _describe(
         flow[i, SIGNED] = (stress[r, 0] + stress[r, 1] + stress[r, 2]) / 3.0 + bulk[r] * state[r, column]
         flow[i, ACTIVITY] = activity[i]
         flow[i, SIZE] = size
-        flow[i, RATE] = _shear_rate(la.matrix_at(gradient, i, 0, dim))
-        flowed[i] += activity[i] * flow[i, RATE] * dt
+        rate = _shear_rate(la.matrix_at(gradient, i, 0, dim))
+        flowed[i] += activity[i] * rate * dt
+        flow[i, MOVED] = min(REARRANGED * dt * activity[i] * rate, MOST_REARRANGED)
         flow[i, PART] = min(exchanged * courant, MOST_EXCHANGED)
         q = viscosity * activity[i] * density * speed * size * uneven_rate[i]
         viscous[i] = q
@@ -185,7 +187,7 @@ def _shear_rate(g):
 
 @kernel
 def _exchange(
-    first, second, weight, dt, position, material, link, flow, flow_stress, stress, mean, rearrangement, dim
+    first, second, weight, position, material, link, flow, flow_stress, stress, mean, rearrangement, dim
 ):
     components = len(la.zero_symmetric(dim))
     for b in range(first.shape[0]):
@@ -212,11 +214,11 @@ def _exchange(
         size = NEAREST * 0.5 * (flow[i, SIZE] + flow[j, SIZE])
         if square < size * size and square > 0.0:
             r = np.sqrt(square)
-            part = min(REARRANGED * 0.5 * dt * a * (flow[i, RATE] + flow[j, RATE]), MOST_REARRANGED)
+            overlap = 0.5 * (size - r) / r
             for e in range(len(dim)):
-                way = 0.5 * part * (size - r) / r * (position[j, e] - position[i, e])
-                rearrangement[i, e] -= way
-                rearrangement[j, e] += way
+                way = overlap * (position[j, e] - position[i, e])
+                rearrangement[i, e] -= flow[i, MOVED] * way
+                rearrangement[j, e] += flow[j, MOVED] * way
 
 
 @kernel

@@ -88,7 +88,7 @@ class SubHorizon:
     def regularise(self, particles, bonds, halo) -> None:
         """What the scheme does to stress once the laws have answered: nothing."""
 
-    def rearrange(self, particles, motions, contacts, dt: float) -> None:
+    def rearrange(self, particles, motions, contacts) -> None:
         """Move points between steps: nothing."""
 
     def internal_force(self, particles, bonds, halo, force: np.ndarray, moment: np.ndarray | None = None) -> None:

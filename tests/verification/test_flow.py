@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks import flow, flow_truths
+from benchmarks.library.deposits import grown
 
 
 def test_a_layer_of_sand_slides_down_a_rough_slope_as_its_friction_lets_it():
@@ -24,3 +25,9 @@ def test_a_column_falls_the_same_way_turned_and_on_a_map():
     _, (elsewhere,) = flow.collapse(scene, height, (), 0, rotation, (500000.0, 4000000.0))
     for name in ("area", "volumes", "run-out", "height"):
         assert elsewhere[name] == pytest.approx(upright[name], rel=0.02), name
+
+
+def test_area_by_the_neighbours_of_a_lattice_is_that_of_an_affine_motion():
+    first = np.stack(np.meshgrid(np.arange(4.0), np.arange(3.0)), -1).reshape(-1, 2)
+    area = grown(first, first @ np.array([[1.2, 0.3], [0.1, 0.9]]), 1.0)
+    assert np.isfinite(area).sum() == 2 and area[5] == pytest.approx(1.2 * 0.9 - 0.3 * 0.1)

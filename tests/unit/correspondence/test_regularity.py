@@ -100,19 +100,19 @@ def test_exchange_keeps_the_sum_of_stress_and_only_takes_energy(sheared):
     assert (root + eta * mean - strength < 1e-9).all()
 
 
-def test_points_that_shear_move_apart_by_opposite_ways_as_far_as_they_are_too_close(sheared):
+def test_points_that_shear_move_away_from_those_too_close_and_soil_at_rest_stays(sheared):
     sim = sheared
     p = sim.particles
+    p.activity[:32] = 0.0
     sim.scheme.deform(p, sim.bonds, sim.halo, 1e-5, 1e-5)
     sim.scheme.regularise(p, sim.bonds, sim.halo)
-    way = p.rearrangement[:64]
-    assert np.abs(way.sum(axis=0)).max() < 1e-12 * np.abs(way).max()
-    near = regularity.NEAREST * SPACING
+    way, near = p.rearrangement[:64], regularity.NEAREST * SPACING
+    assert p.activity[:32].max() < 0.05
     for i in range(64):
         apart = p.position[:64] - p.position[i]
         r = np.linalg.norm(apart, axis=1)
         close = (r < near) & (r > 0.0)
-        part = min(regularity.REARRANGED * 1e-5 * 30.0, regularity.MOST_REARRANGED)
+        part = min(regularity.REARRANGED * 1e-5 * 30.0 * p.activity[i], regularity.MOST_REARRANGED)
         expected = -(0.5 * part * (near - r[close]) / r[close]) @ apart[close]
         assert way[i] == pytest.approx(expected, rel=1e-2, abs=1e-3 * np.abs(way).max())
 
@@ -140,7 +140,7 @@ def test_a_column_of_sand_covers_its_area_and_makes_no_energy(scene_of, psi, end
     entries = sim.ledger.entries()
     assert min(least) > -1e-3 * fallen
     assert abs(entries["energy_residual"] - entries["integration_term"]) < 1e-11 * fallen
-    assert abs(entries["rearrangement_work"]) < 0.04 * fallen
+    assert abs(entries["rearrangement_work"]) < 0.06 * fallen
     distance = np.linalg.norm(p.position[:n, None] - p.position[None, :n], axis=2) + np.eye(n)
     nearest = np.sort(distance, axis=1)[:, 0] / SPACING
     volume = p.dilation
