@@ -96,7 +96,7 @@ def kernels(sim) -> dict:
         "links": (
             lambda: point_state._strain_links(
                 pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.gradient, p.link, p.seen,
-                0.5, scheme.closest, sim.dt, links.active, links.stress, pull, p.flux, p.dim),
+                scheme.closest, sim.dt, links.active, links.stress, pull, p.flux, p.dim),
             near, ends + 8 + 1 + 24 + 2 * 8 * (2 * d + m + 4 + m) + 8 * 8 * m),
         "close flux": (
             lambda: point_state._close_flux(
