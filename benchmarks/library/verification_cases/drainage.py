@@ -76,7 +76,7 @@ def _soaked(rows, last, unit, scheme):
 
 def liakopoulos(full=False, scheme=DEFAULT):
     """W7: a metre of Liakopoulos' sand drains under its own weight, against the finest of three spacings."""
-    runs = [_drained(rows, scheme) for rows in ((10, 20, 40) if full else (5, 10))]
+    runs = [_drained(rows, scheme) for rows in ((10, 20, 40) if full else (8, 16))]
     (_, finest, fine, _, _), *coarser = runs[::-1]
     figures = []
     for rows, outflow, pressure, _, _ in coarser:
