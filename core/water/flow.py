@@ -126,7 +126,7 @@ class FlowingWater(UndrainedWater):
         """What conducts water at present: of every pair a kappa and rho_w g . xi, and inflows with their points."""
         pairs = self._sim.bonds.pairs
         self.describe(p)
-        conducted, drop = np.empty(len(pairs.first)), np.empty(len(pairs.first))
+        conducted, drop = np.zeros(len(pairs.first)), np.zeros(len(pairs.first))
         _find_conducted(
             pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.conduction, p.flow_state,
             self.pores.density * self.permeability.gravity, conducted, drop, p.dim,
@@ -136,11 +136,12 @@ class FlowingWater(UndrainedWater):
     def transport(self, p, net, begin: float, dt: float, stages: int, find_pressure) -> None:
         """Let water flow through `net` for `dt` s from the time `begin`.
 
-        `find_pressure` is a function of the seconds gone that fills pressure, porosity and saturation from the content.
+        `find_pressure` is a function of the seconds gone that fills pressure, porosity and saturation from the content;
+        those of the start are there.
         """
         n, pairs = p.owned, self._sim.bonds.pairs
         conducted, drop, inflows = net
-        start = np.zeros((n + 1, 4))  # the last row is a clock
+        start = np.zeros((n + 1, 4 if inflows else 1))  # the last row is a clock
         start[:n, CONTENT] = p.water_content
 
         def fill(state):
@@ -148,17 +149,19 @@ class FlowingWater(UndrainedWater):
             find_pressure(state[n, CONTENT])
 
         def flow_of(state):
-            fill(state)
+            if state is not start:
+                fill(state)
             self.describe(p)
-            flow = np.zeros((p.total + 1, 4))
+            flow = np.zeros((p.total + 1, start.shape[1]))
             _add_flows(pairs.first, pairs.second, conducted, drop, p.flow_state, flow)
             for boundary, rows in inflows:
                 boundary.add(p, rows, begin + state[n, CONTENT], self, flow)
-            flow[n] = 1.0, 0.0, 0.0, 0.0
+            flow[n], flow[n, CONTENT] = 0.0, 1.0
             return flow[: n + 1]
 
         state = integrate(flow_of, start, dt, stages)
-        p.exchanged_water[:, ENTERED:] += state[:n, ENTERED:]
+        if inflows:
+            p.exchanged_water[:, ENTERED:] += state[:n, ENTERED:]
         fill(state)
 
     def describe(self, p):
@@ -208,15 +211,16 @@ def _describe(
 def _find_conducted(
     first, second, weight, position, volume, conduction, state, water_weight, conducted, drop, dim
 ):
-    """a kappa of full pores, and rho_w g . xi, of every pair."""
+    """a kappa of full pores, and rho_w g . xi, of every pair; those of no weight stay 0."""
     for b in range(first.shape[0]):
+        if weight[b] == 0.0:
+            continue
         i, j = first[b], second[b]
         a = conductance.pair_conductance(i, j, weight[b], position, volume, conduction, dim)
         both = state[i, 2] + state[j, 2]
         series = 2.0 * state[i, 2] * state[j, 2] / both if both > 0.0 else both
         conducted[b] = a * series * 0.5 * (state[i, 3] + state[j, 3])
         xi = la.difference(position, i, j, dim)
-        drop[b] = 0.0
         for c in range(len(dim)):
             drop[b] += water_weight[c] * xi[c]
 
@@ -236,6 +240,8 @@ def _add_flows(first, second, conducted, drop, state, flow):
 @kernel
 def _sum_conducted(first, second, conducted, state, sums):
     for b in range(first.shape[0]):
+        if conducted[b] == 0.0:
+            continue
         i, j = first[b], second[b]
         value = conducted[b] * max(state[i, 1], state[j, 1])
         sums[i] += value

@@ -105,5 +105,6 @@ CASES = (
     Case("W4", consolidation.sphere),
     Case("W5", seepage.infiltration),
     Case("W6", drainage.ponded),
+    Case("W7", drainage.liakopoulos),
     Case("W9", waves.undrained_wave),
 )

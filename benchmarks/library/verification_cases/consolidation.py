@@ -27,8 +27,12 @@ class Increments(Observer):
             self.rows.append((sim.time, *np.atleast_1d(self.function(sim))))
 
     def run(self, sim):
-        """Run a simulation; time, and each recorded quantity, as arrays."""
+        """Start a simulation and follow it."""
         sim.start()
+        return self.follow(sim)
+
+    def follow(self, sim):
+        """Run a simulation that was started; time, and each recorded quantity, as arrays."""
         sim.observers.append(self)
         sim.run()
         return np.array(self.rows).T
@@ -46,8 +50,8 @@ def stage(boundaries, duration=1.0, **keys):
     return {"name": "wait", "type": "quasi_static", "duration": duration, "boundaries": list(boundaries), **keys}
 
 
-def layer(rows, load, scheme):
-    """A layer of thickness 2 between drains at its loaded faces, which nothing holds."""
+def layer(rows, load, scheme, across=4):
+    """A layer of thickness 2, `across` points wide, between drains at its loaded faces, which nothing holds."""
     spacing = 1.0 / rows
     boundaries = {"sides": {"where": {"lower": [None, -2.0]}, "fix": ["x"]}}
     for name, side, pressed, where in (
@@ -57,7 +61,7 @@ def layer(rows, load, scheme):
         boundaries[f"load {name}"] = {"where": where, "traction": {"stress": [0.0, pressed], "side": side}}
         boundaries[f"drain {name}"] = {"where": where, "water": {"pressure": 0, "side": side}}
     return simulation(
-        spacing, box([0.0, -1.0], [4 * spacing, 1.0]), scheme=scheme, pore_water=flowing(P_MODULUS),
+        spacing, box([0.0, -1.0], [across * spacing, 1.0]), scheme=scheme, pore_water=flowing(P_MODULUS),
         boundaries=boundaries, stages=[stage(boundaries)],
     )  # fmt: skip
 

@@ -1,0 +1,122 @@
+"""What water costs: memory, steps, and 10 000 points through Terzaghi's consolidation.
+
+    python -m benchmarks water_cost [--side 100]
+
+- Memory of the arrays of points, pairs and rows, for each point, dry and with flowing water.
+- Processor time of steps of an elastic square that moves, with full pores, over that of the dry one; medians of
+  interleaved runs at the same step. "Without flow" is what a flowing step takes besides its stages of diffusion.
+- A layer of side x side points that drains at its faces until T = 1 in a `quasi_static` stage: processor time,
+  increments, iterations of conjugate gradients, and the time of an iteration against that of its kernels and against
+  what one core of this machine can do (`python -m benchmarks roofline`).
+"""
+
+import time
+
+import numpy as np
+from mpi4py import MPI
+
+from periporo.core.scene.build import build
+from periporo.io.input.load import parse_scene
+
+from . import option_parser, roofline
+from .library.blocks import MATERIALS
+from .library.verification_cases import consolidation
+from .library.verification_cases.seepage import terzaghi
+from .skip import STEP, STEPS
+
+SOIL = MATERIALS["elastic"]
+WATER = {"suction": 0, "porosity": 0.4, "bulk_modulus": 1e8}
+KINDS = {  # name -> pore water; the conductivities take an explicit step, and some stages
+    "dry": None, "drained, constant suction": WATER | {"suction": 500.0},
+    "undrained": WATER | {"drainage": "undrained"},
+    "flowing, a step": WATER | {"drainage": "flowing", "conductivity": 1e-9},
+    "flowing, stages": WATER | {"drainage": "flowing", "conductivity": 1e-3},
+}  # fmt: skip
+_IN_AN_ITERATION = [name for name in roofline.FLOPS if name != "material"]
+
+
+def square(side, water):
+    """A square of elastic soil that moves freely, started."""
+    stage = {"name": "motion", "type": "dynamics", "duration": STEPS * STEP / side}
+    scene = {
+        "dimension": 2, "spacing": 1.0 / side, "materials": {"soil": SOIL}, "time_step": {"fixed": STEP / side},
+        "bodies": [{"name": "square", "material": "soil", "velocity": [1.0, 0.0],
+                    "shape": {"type": "box", "lower": [0.0, 0.0], "upper": [1.0, 1.0]}}],
+        "stages": [stage],
+    } | ({} if water is None else {"pore_water": water})  # fmt: skip
+    sim = build(parse_scene(scene), MPI.COMM_SELF)
+    sim.start()
+    return sim
+
+
+def memory(sim) -> float:
+    """Bytes of the arrays of points, pairs and rows, for each point."""
+    p, pairs = sim.particles, sim.bonds.pairs
+    arrays = [getattr(p, name) for name in p.fields]
+    for part in (pairs, *sim.bonds.carriers):
+        arrays += [value for value in vars(part).values() if isinstance(value, np.ndarray)]
+    own = {id(a): a.nbytes for a in arrays}
+    return sum(own.values()) / p.owned
+
+
+def seconds(side, water) -> float:
+    """Processor time of `STEPS` steps."""
+    sim = square(side, water)
+    began = time.process_time()
+    sim.run()
+    return time.process_time() - began
+
+
+def main(words=None):
+    parser = option_parser(__name__, __doc__)
+    parser.add_argument("--side", type=int, default=100, help="points along an edge")
+    parser.add_argument("--repeats", type=int, default=5)
+    arguments = parser.parse_args(words)
+    side = arguments.side
+    dry, undrained, flowing = (memory(square(side, KINDS[name])) for name in ("dry", "undrained", "flowing, a step"))
+    print(f"memory: {dry:.0f} bytes a point dry, {undrained / dry:.3f} times that undrained, {flowing / dry:.3f} "
+          "flowing\n")  # fmt: skip
+    print("| water | step over the dry one |\n|---|---|")
+    ratios = {name: [] for name in KINDS}
+    for number in range(arguments.repeats + 1):
+        bare = seconds(side, None)
+        for name, water in KINDS.items():
+            if number and water is not None:  # the first round compiles
+                ratios[name].append(seconds(side, water) / bare)
+            elif water is not None:
+                seconds(8, water)
+    for name, found in ratios.items():
+        if found:
+            print(f"| {name} | {np.median(found):.2f} |", flush=True)
+    consolidate(side)
+
+
+def consolidate(side):
+    """Take a layer of side x side points to T = 1."""
+    consolidation.layer(4, 1e3, consolidation.DEFAULT, 4).run()  # compiles
+    sim = consolidation.layer(side // 2, 1e3, consolidation.DEFAULT, side)
+    sim.start()
+
+    def look(s):
+        return s.particles.pore_pressure.mean() / 1e3
+
+    began = time.process_time()
+    moments, pressure = consolidation.Increments(look).follow(sim)
+    took = time.process_time() - began
+    late = moments > 0.05
+    error = np.abs(1.0 - pressure - terzaghi(moments)[1])[late].max()
+    iterations, points = sim.stages[0].settling.iterations, sim.particles.owned
+    each = took / iterations / points
+    flops, cache, main_memory = roofline.machine()
+    work = moved = kernels = 0.0
+    for name, (function, items, size) in roofline.kernels(sim).items():
+        if name in _IN_AN_ITERATION:
+            kernels += roofline.quickest(function) / points
+            work += roofline.FLOPS[name][0] * items / points
+            moved += size * items / points
+    print(f"\n{points} points to T = 1: {took:.1f} s of processor, {sim.stages[0].increments} increments, "
+          f"{sim.step_number} moves, {iterations} iterations; largest error of the degree {error:.4f}")  # fmt: skip
+    print(f"an iteration: {each * 1e9:.0f} ns a point, its kernels {kernels * 1e9:.0f} ns, {work:.0f} flops and "
+          f"{moved:.0f} bytes; at the peak of {flops / 1e9:.1f} Gflop/s {work / flops * 1e9:.0f} ns, from the second "
+          f"cache ({cache / 1e9:.0f} GB/s) {moved / cache * 1e9:.0f} ns, from memory ({main_memory / 1e9:.0f} GB/s) "
+          f"{moved / main_memory * 1e9:.0f} ns")  # fmt: skip
