@@ -103,9 +103,10 @@ def rearrange(p, motions, contacts, dt: float) -> None:
         motion.hold_zero(p, free)
     flow = p.flow[:n]
     part = np.minimum(REARRANGED * dt * flow[:, ACTIVITY] * flow[:, RATE], MOST_REARRANGED) * free.all(axis=1)
+    room = 0.5 * NEAREST * flow[:, SIZE]
     for contact in contacts:
         if hasattr(contact, "guide"):
-            contact.guide(p, 0.5 * NEAREST * flow[:, SIZE], part, way, lift)
+            contact.guide(p, room, part, way, lift)
     names, nothing = ("external_force", "contact_force"), np.empty((0, p.dimension))
     external, contact = (getattr(p, name) if name in p.fields else nothing for name in names)
     _rearrange(n, way, lift, p.position, p.exchanged_strain, p.dilation, external, contact, p.flow_work, p.dim)
