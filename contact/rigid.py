@@ -26,7 +26,7 @@ from periporo.contact.penalty import SOON, add_contact_force, resist_faces
 from periporo.contact.reaction import Feelers, Reaction
 from periporo.contact.search import Search
 from periporo.contact.surfaces import Surface
-from periporo.core.numerics.tensors import square_lengths
+from periporo.core.numerics.jit import kernel
 from periporo.core.points.forces import CONTACT, FRICTION, ForceChannels
 from periporo.core.points.particles import Field, Particles
 
@@ -70,6 +70,7 @@ class RigidContact:
         self.pose: Pose | None = None  # at that time; None if it stands
         self.pose_before: Pose | None = None  # at the start of that step
         self._chosen: tuple = None, None, 0.0, None  # point ids, pose, m around it with all points, rows near it
+        self._seen: tuple = (None,) * 5  # rows, pose, places, gaps and normals of the last forces
         self.breach: tuple[float, np.ndarray] | None = None  # how far behind the surface a point is, m, and where
 
     def attach(self, p: Particles, forces: ForceChannels) -> None:
@@ -129,7 +130,7 @@ class RigidContact:
         softer = self.modulus / modulus
         pressed = np.maximum(self.overlaps(p), 0.0)
         cell, spring = getattr(p, self.cell), getattr(p, self.spring)
-        stored = 0.5 * self.stiffness * _ring(p) * pressed**2
+        stored = 0.5 * self.stiffness * _ring(p, np.arange(p.owned)) * pressed**2
         p.work[:, CONTACT] += (1.0 - softer) * stored
         p.work[:, FRICTION] -= (1.0 - softer) * stored
         cell[:, :2] -= ((1.0 - softer) * pressed)[:, None]
@@ -156,6 +157,7 @@ class RigidContact:
         if len(rows):
             x = p.position[rows]
             gap, normal = self._gap(x, self.pose)
+            self._seen = rows, self.pose, x, gap, normal
             obstacle = np.zeros_like(x)
             if before is not None and self.pose is not None:
                 obstacle = velocity_between(before, self.pose, dt, x)
@@ -195,7 +197,7 @@ class RigidContact:
     def add_stiffness(self, p: Particles, time: float, ahead: float, stiffness: np.ndarray) -> None:
         """Add the contact's stiffness (N/m) to `stiffness` (owned,) of the points that it holds, or may `ahead` (s)."""
         rows, _, _ = self._held(p, time, ahead)
-        stiffness[rows] += self.stiffness * _ring(p)[rows]
+        stiffness[rows] += self.stiffness * _ring(p, rows)
 
     def resist(
         self, p: Particles, time: float, ahead: float, dt: float, force: np.ndarray, moment: np.ndarray
@@ -214,6 +216,8 @@ class RigidContact:
             velocity = velocity - velocity_between(pose, self.motion.pose(time + ahead), ahead, x)
         margin, way = (SOON - 1.0) * self.reach, _HASTE * ahead * _largest_length(velocity)
         rows = self._candidates(p, pose, way) if way > margin else self._near(p, pose)
+        if not len(rows):
+            return rows, np.empty(0), np.empty((0, p.dimension))
         gap, normal = self._gap(x[rows], pose)
         approach = -(velocity[rows] * normal).sum(axis=1)
         soon = gap - self.reach < np.maximum(margin, _HASTE * ahead * approach)
@@ -227,12 +231,17 @@ class RigidContact:
         the surface than `room` (awake,) m; and a point that is nearer is lifted by `part` (awake,) of what is missing,
         as it would be by its mirror image. The cell grows as much as the point is lifted.
         """
-        rows = self._near(p, self.pose)
-        rows = rows[rows < len(part)]  # not those that sleep
-        rows = rows[part[rows] > 0.0]
-        if not len(rows):
+        near = self._near(p, self.pose)
+        chosen = np.flatnonzero(near < len(part))  # not those that sleep
+        chosen = chosen[part[near[chosen]] > 0.0]
+        if not len(chosen):
             return
-        gap, normal = self._gap(p.position[rows], self.pose)
+        rows = near[chosen]
+        there, pose, x, gap, normal = self._seen
+        if there is near and pose is self.pose and np.array_equal(x, p.position[near]):  # nothing has moved since
+            gap, normal = gap[chosen], normal[chosen]
+        else:
+            gap, normal = self._gap(p.position[rows], self.pose)
         cell = getattr(p, self.cell)
         held = gap - self.reach < cell[rows, :2].max(axis=1, initial=-np.inf)
         rows, gap, normal = rows[held], gap[held], normal[held]
@@ -316,12 +325,24 @@ class RigidContact:
         return self._search.near(p, lower - margin, upper + margin)
 
 
-def _ring(p):
-    """What the stiffness of each owned point is multiplied by (owned,)."""
+def _ring(p, rows):
+    """What the stiffness of points is multiplied by."""
     width = p.widths()
-    return width[: p.owned] if len(width) else np.ones(p.owned)
+    return width[rows] if len(width) else 1.0
 
 
 def _largest_length(vectors):
-    """Largest length of vectors (n, d)."""
-    return float(np.sqrt(np.nanmax(square_lengths(vectors), initial=0.0)))
+    """Largest length of vectors (n, d), of those that are known."""
+    return float(np.sqrt(_largest_square(vectors)))
+
+
+@kernel
+def _largest_square(vectors):
+    largest = 0.0
+    for i in range(vectors.shape[0]):
+        square = 0.0
+        for a in range(vectors.shape[1]):
+            square += vectors[i, a] * vectors[i, a]
+        if square > largest:
+            largest = square
+    return largest

@@ -100,7 +100,7 @@ def rearrange(p, motions, contacts) -> None:
     """
     n = p.awake
     way, lift, flow = p.rearrangement[:n], np.zeros((n, p.dimension)), p.flow[:n]
-    part = flow[:, MOVED].copy()
+    part, room = flow[:, MOVED].copy(), 0.5 * NEAREST * flow[:, SIZE]
     if motions:
         free = np.ones((n, p.dimension))
         for motion in motions:
@@ -109,7 +109,7 @@ def rearrange(p, motions, contacts) -> None:
         part *= free.all(axis=1)
     for contact in contacts:
         if hasattr(contact, "guide"):
-            contact.guide(p, 0.5 * NEAREST * flow[:, SIZE], part, way, lift)
+            contact.guide(p, room, part, way, lift)
     names, nothing = ("external_force", "contact_force"), np.empty((0, p.dimension))
     external, contact = (getattr(p, name) if name in p.fields else nothing for name in names)
     _rearrange(n, way, lift, p.position, p.exchanged_strain, p.dilation, external, contact, p.flow_work, p.dim)

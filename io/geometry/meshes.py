@@ -86,8 +86,8 @@ def _corners_and_triangles(name: str, _changed: int) -> tuple[np.ndarray, np.nda
         raise GroundFileError(f"corner {int(np.argmax(~np.isfinite(corners).all(axis=1))) + 1} is not a finite place")
     if _holds_single_precision(name) and np.array_equal(corners, corners.astype(np.float32)):
         _refuse_coarse(corners, triangles)
-    corners, rows = np.unique(corners, axis=0, return_inverse=True)
-    triangles = rows.ravel()[triangles]
+    corners, rows = _distinct(corners)
+    triangles = rows[triangles]
     area = np.linalg.norm(_twice_area(corners, triangles), axis=1)
     sides = [corners[triangles[:, k]] - corners[triangles[:, k - 1]] for k in range(3)]
     longest = np.max([(side**2).sum(axis=1) for side in sides], axis=0)
@@ -101,6 +101,18 @@ def _holds_single_precision(name: str) -> bool:
     with open(name, "rb") as file:
         header = takewhile(lambda line: line.strip() != b"end_header", file)
         return any(line.split() in ([b"property", kind, b"x"] for kind in (b"float", b"float32")) for line in header)
+
+
+def _distinct(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The rows of `places` (n, 3), each once and in their order, and which of them each row is.
+
+    Like NumPy's unique of rows, which compares them as a whole and takes nearly five times as long.
+    """
+    number = np.zeros(len(places), np.int64)
+    for column in places.T:
+        _, rank = np.unique(column, return_inverse=True)
+        _, first, number = np.unique(number * len(places) + rank, return_index=True, return_inverse=True)
+    return places[first], number
 
 
 def _refuse_coarse(corners: np.ndarray, triangles: np.ndarray) -> None:
