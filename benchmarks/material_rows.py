@@ -80,7 +80,7 @@ def main(words=None):
         "cam_clay, eta = 1e3": clay,
         "cam_clay, eta = 1e8": clay.model_copy(update={"viscosity": 1e8}),
     }
-    for name in ("elastic", "drucker_prager", "cam_clay, eta = 1e3", "hypoplastic_sand"):
+    for name in ("elastic", "drucker_prager", "mohr_coulomb", "cam_clay, eta = 1e3", "hypoplastic_sand"):
         laws[f"{name}, varied"] = varied(laws[name], count)
     for strain, what in ((1e-6, "small steps"), (1e-4, "large steps"), (-1e-6, "unloading")):
         print(f"{what:28} {'4 components':>20} {'6 components':>20}   ns per row, and over drucker_prager")

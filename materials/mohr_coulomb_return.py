@@ -84,11 +84,12 @@ def _cut_off(s1, s2, s3, t1, t2, t3, numbers):
 
 
 @inlined
-def returned(s, numbers):
-    """Principal stresses that trial stresses come to; `numbers` are those of `pyramid`."""
+def returned(s, numbers, cuts):
+    """Principal stresses that trial stresses come to; `numbers` are those of `pyramid`, `cuts` if there is a cut-off.
+    """
     s1, s2, s3 = s
     t1, t2, t3, _ = _on_pyramid(s1, s2, s3, numbers)
-    return _cut_off(s1, s2, s3, t1, t2, t3, numbers)
+    return _cut_off(s1, s2, s3, t1, t2, t3, numbers) if cuts else (t1, t2, t3)
 
 
 @inlined
@@ -109,19 +110,19 @@ def _plastic_work(s, t, bulk, shear):
 
 
 @inlined
-def strength_at(table, strain):
+def strength_at(tables, r, strain):
     """sin(phi), Y, sin(psi) at a plastic shear strain, their slopes, how far these hold: see `MohrCoulomb.table`."""
-    last = table.shape[1] - 1
-    if not strain < table[0, last]:
-        return (table[1, last], table[2, last], table[3, last]), (0.0, 0.0, 0.0), math.inf
+    t, last = tables, tables.shape[2] - 1
+    if not strain < t[r, 0, last]:
+        return (t[r, 1, last], t[r, 2, last], t[r, 3, last]), (0.0, 0.0, 0.0), math.inf
     k = 0
-    while strain >= table[0, k + 1]:
+    while strain >= t[r, 0, k + 1]:
         k += 1
-    part, per = strain - table[0, k], 1.0 / (table[0, k + 1] - table[0, k])
-    a, b, c = table[1, k + 1] - table[1, k], table[2, k + 1] - table[2, k], table[3, k + 1] - table[3, k]
+    part, per = strain - t[r, 0, k], 1.0 / (t[r, 0, k + 1] - t[r, 0, k])
+    a, b, c = t[r, 1, k + 1] - t[r, 1, k], t[r, 2, k + 1] - t[r, 2, k], t[r, 3, k + 1] - t[r, 3, k]
     slopes = a * per, b * per, c * per
-    values = table[1, k] + part * slopes[0], table[2, k] + part * slopes[1], table[3, k] + part * slopes[2]
-    return values, slopes, table[0, k + 1] - strain
+    values = t[r, 1, k] + part * slopes[0], t[r, 2, k] + part * slopes[1], t[r, 3, k] + part * slopes[2]
+    return values, slopes, t[r, 0, k + 1] - strain
 
 
 @inlined
@@ -137,7 +138,7 @@ def _give(values, shear, lame):
 
 
 @inlined
-def _with_memory(s, table, start, part, cutoff, rate, reference, lame, shear):
+def _with_memory(s, tables, r, start, part, cutoff, rate, reference, lame, shear):
     """Returned principal stresses and the plastic shear strain x of the step, on whose strength they lie.
 
     The strength is that after the step, at `start` + `part` x, times 1 + `rate` log10(x/`reference`) if that is above
@@ -147,11 +148,11 @@ def _with_memory(s, table, start, part, cutoff, rate, reference, lame, shear):
     x, low, high = 0.0, 0.0, widest
     t = s
     for _ in range(100):
-        values, slopes, _ = strength_at(table, start + part * x)
+        values, slopes, _ = strength_at(tables, r, start + part * x)
         sine, strength, dilation = values
         faster = rate > 0.0 and x > reference
         factor = 1.0 + rate * math.log(x / reference) / _DECADE if faster else 1.0
-        t = returned(s, pyramid(sine, dilation, factor * strength, cutoff, lame, shear))
+        t = returned(s, pyramid(sine, dilation, factor * strength, cutoff, lame, shear), True)
         off = _plastic_shear(s, t, shear) - x
         if abs(off) <= _SMALL * x + _NOISE * widest:
             break
@@ -213,23 +214,35 @@ def _return_tile(tile, n, table, cutoff, lame, shear):
     for k in range(LANES):
         s1, s2, s3, values = _sorted(tile, 3 * n, k)
         t1, t2, t3, excess = _on_pyramid(s1, s2, s3, numbers)
-        t = _cut_off(s1, s2, s3, t1, t2, t3, numbers)
+        t = _cut_off(s1, s2, s3, t1, t2, t3, numbers) if cutoff < math.inf else (t1, t2, t3)
         _keep(tile, 3 * n + 3, k, values, t, (excess > 0.0) | (s1 > cutoff))
 
 
 @inlined
-def _look_up(tile, count, base, start, table, state, columns):
-    """Strength of the lanes at their plastic shear strain, its slopes, how far they hold, and the part that counts."""
+def _look_up(tile, count, base, start, numbers, tables, state, columns):
+    """What `_soften_tile` needs of the lanes.
+
+    Strength at their plastic shear strain, its slopes, how far these hold, the part that counts, and elasticity.
+    """
     memory, part, _ = columns
     for k in range(count):
-        values, slopes, room = strength_at(table, state[base + k, memory])
+        r = base + k if numbers.shape[0] > 1 else 0
+        values, slopes, room = strength_at(tables, r, state[base + k, memory] if memory >= 0 else 0.0)
         la.to_lane(tile, start, k, values)
         la.to_lane(tile, start + 3, k, slopes)
         la.to_lane(tile, start + 6, k, (room, state[base + k, part] if part >= 0 else 1.0))
+        if numbers.shape[0] > 1:
+            _tell(tile, start + 8, k, numbers, r)
 
 
 @inlined
-def _soften_tile(tile, n, cutoff, lame, shear):
+def _tell(tile, start, k, numbers, r):
+    """Elasticity and cut-off of a lane."""
+    la.to_lane(tile, start, k, (numbers[r, 0] - 2.0 / 3.0 * numbers[r, 1], numbers[r, 1], numbers[r, 2]))
+
+
+@inlined
+def _soften_tile(tile, n, cuts):
     """As `_return_tile`, for a strength of the strain after the step, by a secant step from two returns in all lanes.
 
     One return is to the strength of before, the other to that of the strain which a face would take. Their line goes
@@ -241,12 +254,12 @@ def _soften_tile(tile, n, cutoff, lame, shear):
         s = s1, s2, s3
         values = la.from_lane(tile, 3 * n + VALUES, k, (0.0, 0.0, 0.0))
         slopes = la.from_lane(tile, 3 * n + VALUES + 3, k, (0.0, 0.0, 0.0))
-        room, part = la.from_lane(tile, 3 * n + VALUES + 6, k, (0.0, 0.0))
-        before = returned(s, pyramid(values[0], values[2], values[1], cutoff, lame, shear))
+        room, part, lame, shear, cutoff = la.from_lane(tile, 3 * n + VALUES + 6, k, (0.0, 0.0, 0.0, 0.0, 0.0))
+        before = returned(s, pyramid(values[0], values[2], values[1], cutoff, lame, shear), cuts)
         give, first = _give(values, shear, lame), _plastic_shear(s, before, shear)
         guess = first / (1.0 + give * part * (slopes[1] - slopes[0] * (before[0] + before[2])))
         values = _softer(values, slopes, part * guess)
-        t = returned(s, pyramid(values[0], values[2], values[1], cutoff, lame, shear))
+        t = returned(s, pyramid(values[0], values[2], values[1], cutoff, lame, shear), cuts)
         second = _plastic_shear(s, t, shear)
         more = (second - guess) / (1.0 - (second - first) / (guess if guess > 0.0 else 1.0))
         x, on = guess + more, more / (guess if guess > 0.0 else 1.0)
@@ -257,17 +270,22 @@ def _soften_tile(tile, n, cutoff, lame, shear):
 
 
 @inlined
-def _soften_lanes(tile, count, base, n, table, cutoff, rate, reference, lame, shear, state, columns):
+def _soften_lanes(tile, count, base, n, numbers, tables, dt, state, columns):
     """Bracket what `_soften_tile` has not found, or all where the strength follows the rate, and store the strain."""
     memory = columns[0]
     for k in range(count):
+        r = base + k if numbers.shape[0] > 1 else 0
         x, part = tile[(3 * n + 7) * LANES + k], tile[(3 * n + VALUES + 7) * LANES + k]
+        rate = numbers[r, 3]
         if rate > 0.0 or x < 0.0:
             s1, s2, s3, old = _sorted(tile, 3 * n, k)
-            start = state[base + k, memory]
-            t, x = _with_memory((s1, s2, s3), table, start, part, cutoff, rate, reference, lame, shear)
+            lame, shear, cutoff = la.from_lane(tile, 3 * n + VALUES + 8, k, (0.0, 0.0, 0.0))
+            start = state[base + k, memory] if memory >= 0 else 0.0
+            reference = numbers[r, 4] * dt
+            t, x = _with_memory((s1, s2, s3), tables, r, start, part, cutoff, rate, reference, lame, shear)
             _keep(tile, 3 * n + 3, k, old, t, (t[0] != s1) | (t[2] != s3))
-        state[base + k, memory] += part * x
+        if memory >= 0:
+            state[base + k, memory] += part * x
 
 
 @inlined
@@ -279,38 +297,45 @@ def _work(tile, n, k, bulk, shear):
 
 
 @kernel
-def advance(bulk, shear, table, cutoff, rate, reference, stress, strain_increment, state, columns, dim):
+def advance(numbers, tables, dt, stress, strain_increment, state, columns, dim):
     """Advance all rows of `MohrCoulomb.compute_stress`.
 
-    `columns` of the state are those of the plastic shear strain, of the part of it that counts and of the dissipation;
-    one that the state lacks is -1. `reference` is the plastic shear strain of a step at the reference rate; `dim` is a
-    tuple of as many zeros as there are dimensions.
+    `numbers` (n, 5) and `tables` (n, 4, m) of each row, or (1, ...) of all, are those of `MohrCoulomb.numbers` and
+    `MohrCoulomb.table`. `columns` of the state are those of the plastic shear strain, of the part of it that counts and
+    of the dissipation; one that the state lacks is -1. `dim` is a tuple of as many zeros as there are dimensions.
     """
     like = la.zero_symmetric(dim)
     n = len(like)
-    lame = bulk - 2.0 / 3.0 * shear
     memory, _, dissipation = columns
-    tile = np.ones((3 * n + VALUES + 8) * LANES)
+    own = numbers.shape[0] > 1
+    plain = memory < 0 and not own
+    table, cuts = tables[0], numbers[:, 2].min() < math.inf
+    tile = np.ones((3 * n + VALUES + 11) * LANES)
+    for k in range(LANES):
+        _tell(tile, 3 * n + VALUES + 8, k, numbers, 0)
     for base in range(0, stress.shape[0], LANES):
         count = min(LANES, stress.shape[0] - base)
         for k in range(count):
             b = base + k
+            r = b if own else 0
+            bulk, shear = numbers[r, 0], numbers[r, 1]
+            lame = bulk - 2.0 / 3.0 * shear
             volumetric = lame * (strain_increment[b, 0] + strain_increment[b, 1] + strain_increment[b, 2])
             for c in range(n):
                 stress[b, c] += 2.0 * shear * strain_increment[b, c] + (volumetric if c < 3 else 0.0)
             la.to_lane(tile, 0, k, la.symmetric_at(stress, b, 0, dim))
         if dissipation >= 0:
             state[base : base + count, dissipation] = 0.0
-        if memory < 0 and not _outside(tile, count, like, table[1, 0], table[2, 0], cutoff):
+        bulk, shear, cutoff = numbers[0, 0], numbers[0, 1], numbers[0, 2]
+        if plain and not _outside(tile, count, like, table[1, 0], table[2, 0], cutoff):
             continue
         take_apart(tile, like)
-        if memory < 0:
-            _return_tile(tile, n, table, cutoff, lame, shear)
+        if plain:
+            _return_tile(tile, n, table, cutoff, bulk - 2.0 / 3.0 * shear, shear)
         else:
-            _look_up(tile, count, base, 3 * n + VALUES, table, state, columns)
-            if rate == 0.0:
-                _soften_tile(tile, n, cutoff, lame, shear)
-            _soften_lanes(tile, count, base, n, table, cutoff, rate, reference, lame, shear, state, columns)
+            _look_up(tile, count, base, 3 * n + VALUES, numbers, tables, state, columns)
+            _soften_tile(tile, n, cuts)
+            _soften_lanes(tile, count, base, n, numbers, tables, dt, state, columns)
         put_together(tile, like, 3 * n + 3)
         for k in range(count):
             if tile[(3 * n + 6) * LANES + k] == 0.0:
@@ -318,4 +343,15 @@ def advance(bulk, shear, table, cutoff, rate, reference, stress, strain_incremen
             for c in range(n):
                 stress[base + k, c] = tile[c * LANES + k]
             if dissipation >= 0:
-                state[base + k, dissipation] = _work(tile, n, k, bulk, shear)
+                r = base + k if own else 0
+                state[base + k, dissipation] = _work(tile, n, k, numbers[r, 0], numbers[r, 1])
+
+
+@kernel
+def fill_tension_limit(numbers, tables, state, memory, limit):
+    """Fill the mean stress (n,) Pa at the apex, or the cut-off if that is lower; `memory` as in `advance`."""
+    for b in range(limit.shape[0]):
+        r = b if numbers.shape[0] > 1 else 0
+        values, _, _ = strength_at(tables, r, state[b, memory] if memory >= 0 else 0.0)
+        apex = values[1] / (2.0 * values[0]) if values[0] > 0.0 else math.inf
+        limit[b] = apex if apex < numbers[r, 2] else numbers[r, 2]
