@@ -6,6 +6,7 @@ import numpy as np
 
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics.algebra import LANES
+from periporo.core.numerics.elasticity import elastic_trial
 from periporo.core.numerics.jit import inlined, kernel
 
 _KILOPASCAL = 1e3
@@ -186,21 +187,6 @@ def _return_tile(tile, dt):
 
 
 @inlined
-def _add_elastic(bulk, shear, b, stress, strain_increment):
-    """Trial stress of row b; its p and q^2."""
-    volumetric = strain_increment[b, 0] + strain_increment[b, 1] + strain_increment[b, 2]
-    lame = (bulk - 2.0 / 3.0 * shear) * volumetric
-    for k in range(3):
-        stress[b, k] += lame + 2.0 * shear * strain_increment[b, k]
-    p = (stress[b, 0] + stress[b, 1] + stress[b, 2]) / 3.0
-    square = (stress[b, 0] - p) ** 2 + (stress[b, 1] - p) ** 2 + (stress[b, 2] - p) ** 2
-    for k in range(3, stress.shape[1]):
-        stress[b, k] += 2.0 * shear * strain_increment[b, k]
-        square += 2.0 * stress[b, k] ** 2
-    return p, 1.5 * square
-
-
-@inlined
 def _bonded(unbonded, minimum, index, state, b, column, numbers, r):
     """Size, floor and stiffening of row b with `numbers` r, those of unbonded soil where there is no bonding."""
     if column >= 0 and state[b, column] != 0.0:
@@ -228,8 +214,8 @@ def advance(numbers, dt, stress, strain_increment, state, bonding_column, dissip
         if numbers[r, 11] > 0.0:
             bulk = _secant_bulk(numbers[r, 11], minimum, b, stress, strain_increment)
             shear *= bulk
-        p_trial, q_squared = _add_elastic(bulk, shear, b, stress, strain_increment)
-        a2 = 2.0 / 3.0 * per_slope * q_squared
+        p_trial, square = elastic_trial(bulk, shear, 1.0, b, stress, strain_increment)
+        a2 = per_slope * square
         unbonded = minimum if -state[b, 0] < minimum else -state[b, 0]  # keeps NaN, unlike max
         size, floor, stiffening = _bonded(unbonded, minimum, index, state, b, bonding_column, numbers, r)
         if 0.25 * a2 + p_trial * (p_trial + size) > _YIELD_TOLERANCE * size * size:

@@ -17,7 +17,7 @@ from periporo.core.numerics.tensors import dimension_of
 from periporo.core.points.material import OPENED, StateField, state_column
 from periporo.materials.base import MaterialParameters, units
 from periporo.materials.friction import FrictionAngles
-from periporo.materials.mohr_coulomb_return import advance, fill_tension_limit
+from periporo.materials.mohr_coulomb_rows import advance, fill_tension_limit
 from periporo.materials.tables import StrainTable, extremes, scaled, strains_of, values_at
 
 _PRESSURE, _DENSITY, _DEGREES, _NUMBER, _RATE, _LENGTH = units("Pa", "kg/m^3", "deg", "1", "1/s", "m")
