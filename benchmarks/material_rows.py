@@ -1,9 +1,13 @@
-"""Time per row of the built-in laws, and over that of `drucker_prager`.
+"""Time per row of the built-in laws, and over that of `drucker_prager`; of the same as a UMAT in C, if there is a cc.
 
     python -m benchmarks material_rows [rows]
 """
 
+import shutil
+import subprocess
+import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -16,8 +20,9 @@ from periporo.materials.granular_mu_i import GranularMuI
 from periporo.materials.hypoplastic_sand import HypoplasticSand
 from periporo.materials.mohr_coulomb import MohrCoulomb
 from periporo.materials.tables import StrainTable
+from periporo.materials.umat import Umat
 
-from . import option_parser
+from . import ROOT, option_parser
 
 REPEATS = 20
 
@@ -50,6 +55,18 @@ def varied(law, count):
     return VariedLaw(law, (name,), lambda own: law.model_copy(update={name: own[0]})).for_rows(values)
 
 
+def umat(folder: Path):
+    """Drucker-Prager's law in C, called by its address."""
+    law, library = DruckerPrager.example(), folder / "law.so"
+    source = ROOT / "tests" / "materials" / "data" / "umat" / "drucker_prager.c"
+    subprocess.run(["cc", "-shared", "-fPIC", "-O2", "-o", str(library), str(source), "-lm"], check=True)
+    eta, strength, dilation = law.cone(3)
+    return Umat(
+        density=law.density, library=str(library), props=[law.bulk_modulus, law.shear_modulus, eta, strength, dilation],
+        state_variables=1, largest_mean_stress=strength / eta,
+    )  # fmt: skip
+
+
 def nanoseconds(laws, count, components, strain):
     """Processor time per row of each law, the median of calls that take turns: what else runs disturbs all alike."""
     rows = {name: rows_in_shear(law, count, components, strain) for name, law in laws.items()}
@@ -80,8 +97,15 @@ def main(words=None):
         "cam_clay, eta = 1e3": clay,
         "cam_clay, eta = 1e8": clay.model_copy(update={"viscosity": 1e8}),
     }
-    for name in ("elastic", "drucker_prager", "cam_clay, eta = 1e3", "hypoplastic_sand"):
+    for name in ("elastic", "drucker_prager", "mohr_coulomb", "cam_clay, eta = 1e3", "hypoplastic_sand"):
         laws[f"{name}, varied"] = varied(laws[name], count)
+    with tempfile.TemporaryDirectory() as folder:
+        if shutil.which("cc"):
+            laws["umat in C"] = umat(Path(folder))
+        _print_table(laws, count)
+
+
+def _print_table(laws, count):
     for strain, what in ((1e-6, "small steps"), (1e-4, "large steps"), (-1e-6, "unloading")):
         print(f"{what:28} {'4 components':>20} {'6 components':>20}   ns per row, and over drucker_prager")
         columns = [nanoseconds(laws, count, c, strain) for c in (4, 6)]

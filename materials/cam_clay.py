@@ -164,23 +164,19 @@ class CamClay(MaterialParameters):
 
     def _numbers(self) -> np.ndarray:
         """What the return needs to know of the parameters (12,): see `advance`."""
-        follows = self.poisson_ratio is not None
+        first, second, swelling = self.bulk_modulus, self.shear_modulus, 0.0
+        if self.poisson_ratio is not None:
+            ratio = 1.5 * (1.0 - 2.0 * self.poisson_ratio) / (1.0 + self.poisson_ratio)
+            first, second, swelling = 0.0, ratio, self.swelling_index
         return np.array([
-            0.0 if follows else self.bulk_modulus, self._shear_ratio if follows else self.shear_modulus,
-            6.0 / self.critical_state_slope**2, 4.0 * self.viscosity, self.minimum_preconsolidation,
-            1.0 / (self.compression_index - self.swelling_index), *self._bonding_parameters(),
-            self.swelling_index if follows else 0.0,
+            first, second, 6.0 / self.critical_state_slope**2, 4.0 * self.viscosity, self.minimum_preconsolidation,
+            1.0 / (self.compression_index - self.swelling_index), *self._bonding_parameters(), swelling,
         ])  # fmt: skip
 
     @classmethod
     def of_rows(cls, laws, components):
         """What answers for rows of which each has one of the `laws`."""
         return _CamClayRows(laws)
-
-    @property
-    def _shear_ratio(self) -> float:
-        """G/K of the Poisson ratio."""
-        return 1.5 * (1.0 - 2.0 * self.poisson_ratio) / (1.0 + self.poisson_ratio)
 
     def _bonding_parameters(self) -> tuple[float, ...]:
         return (

@@ -10,7 +10,7 @@ from typing import ClassVar, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from periporo.core.points.material import OPENED, StateField, StepRefused, state_column
+from periporo.core.points.material import OPENED, StateField, StepRefused
 from periporo.materials.base import MaterialParameters, units
 from periporo.materials.hypoplastic_rate import advance, fill_moduli
 
@@ -166,7 +166,7 @@ class HypoplasticSand(MaterialParameters):
 
     def _advance(self, numbers, stress, strain_increment, state) -> None:
         refused = np.zeros(len(stress), np.bool_)
-        opened = state_column(self, OPENED.name, stress.shape[1])
+        opened = 1 + stress.shape[1]
         dissipation = opened + 1 if self.report_dissipation else -1
         advance(numbers, stress, strain_increment, state, opened, dissipation, refused)
         if refused.any():

@@ -17,7 +17,7 @@ from periporo.core.numerics.tensors import dimension_of
 from periporo.core.points.material import OPENED, StateField, state_column
 from periporo.materials.base import MaterialParameters, units
 from periporo.materials.friction import FrictionAngles
-from periporo.materials.mohr_coulomb_return import advance
+from periporo.materials.mohr_coulomb_rows import advance, fill_tension_limit
 from periporo.materials.tables import StrainTable, extremes, scaled, strains_of, values_at
 
 _PRESSURE, _DENSITY, _DEGREES, _NUMBER, _RATE, _LENGTH = units("Pa", "kg/m^3", "deg", "1", "1/s", "m")
@@ -216,24 +216,32 @@ class MohrCoulomb(MaterialParameters):
 
     def compute_stress(self, stress, strain_increment, state, dt):
         """Advance `stress` (n, 4|6) Pa by `strain_increment` in place over `dt` s."""
-        cutoff = math.inf if self.tension_cutoff is None else self.tension_cutoff
-        reference = math.inf if self.reference_rate is None else self.reference_rate * dt
+        self._advance(self.numbers()[None], self.table()[None], stress, strain_increment, state, dt)
+
+    def _advance(self, numbers, tables, stress, strain_increment, state, dt) -> None:
         names = PLASTIC_SHEAR.name, SOFTENING_PART.name, DISSIPATION.name
         columns = tuple(self._column(name, stress.shape[1]) for name in names)
-        advance(
-            self.bulk_modulus, self.shear_modulus, self.table(), cutoff, self.rate_coefficient, reference, stress,
-            strain_increment, state, columns, DIMENSION[dimension_of(stress)],
-        )  # fmt: skip
+        advance(numbers, tables, dt, stress, strain_increment, state, columns, DIMENSION[dimension_of(stress)])
+
+    def numbers(self) -> np.ndarray:
+        """Moduli and cut-off in Pa, the coefficient of the rate and its reference in 1/s, (5,); infinite if none."""
+        cutoff = math.inf if self.tension_cutoff is None else self.tension_cutoff
+        reference = math.inf if self.reference_rate is None else self.reference_rate
+        return np.array([self.bulk_modulus, self.shear_modulus, cutoff, self.rate_coefficient, reference])
+
+    @classmethod
+    def of_rows(cls, laws, components):
+        """What answers for rows of which each has one of the `laws`."""
+        return _MohrCoulombRows(laws)
 
     def tension_limit(self, stress, state):
         """Largest mean stress (n,) Pa of the rows, at the apex or the cut-off, beyond which they open."""
-        strain, sine, strength, _ = self.table()
-        column = self._column(PLASTIC_SHEAR.name, stress.shape[1])
-        at = np.zeros(len(stress)) if column < 0 else state[:, column]
-        sine, strength = np.interp(at, strain, sine), np.interp(at, strain, strength)
-        with np.errstate(divide="ignore"):
-            apex = np.where(sine > 0.0, strength / (2.0 * sine), np.inf)
-        return apex if self.tension_cutoff is None else np.minimum(apex, self.tension_cutoff)
+        return self._tension_limit(self.numbers()[None], self.table()[None], stress, state)
+
+    def _tension_limit(self, numbers, tables, stress, state) -> np.ndarray:
+        limit = np.empty(len(stress))
+        fill_tension_limit(numbers, tables, state, self._column(PLASTIC_SHEAR.name, stress.shape[1]), limit)
+        return limit
 
     def elastic_moduli(self, stress, state):
         """Constant moduli, two (n,) arrays in Pa."""
@@ -253,6 +261,24 @@ class MohrCoulomb(MaterialParameters):
         q = 3.0 * (strength - 2.0 * sine * p) / (3.0 - sine)
         q[0] = 0.0
         return p, q
+
+
+class _MohrCoulombRows:
+    """Rows with a law each."""
+
+    def __init__(self, laws):
+        self._law = laws[0]
+        self._numbers = np.array([law.numbers() for law in laws])
+        self._tables = np.array([law.table() for law in laws])
+
+    def compute_stress(self, stress, strain_increment, state, dt):
+        self._law._advance(self._numbers, self._tables, stress, strain_increment, state, dt)
+
+    def tension_limit(self, stress, state):
+        return self._law._tension_limit(self._numbers, self._tables, stress, state)
+
+    def elastic_moduli(self, stress, state):
+        return self._numbers[:, 0].copy(), self._numbers[:, 1].copy()
 
 
 @functools.lru_cache(maxsize=4096)

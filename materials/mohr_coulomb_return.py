@@ -1,4 +1,4 @@
-"""Return of principal stresses to Mohr-Coulomb's pyramid and its tension cut-off, and the loop over rows.
+"""Return of principal stresses to Mohr-Coulomb's pyramid and its tension cut-off.
 
 Principal stresses are s1 >= s2 >= s3, tension positive. Yield (1 + sin(phi)) s1 - (1 - sin(phi)) s3 <= Y with
 Y = 2 c cos(phi); flow with psi in place of phi; cut-off s1 <= T with associated flow (Rankine). The returned stress
@@ -8,17 +8,10 @@ Peric & Owen 2008, section 8.2), and which of them it is follows from the order 
 
 import math
 
-import numpy as np
-
-from periporo.core.numerics import algebra as la
-from periporo.core.numerics.algebra import LANES
-from periporo.core.numerics.elasticity import add_elastic
-from periporo.core.numerics.jit import inlined, kernel
-from periporo.materials.principal import VALUES, put_together, take_apart
+from periporo.core.numerics.jit import inlined
 
 _SMALL = 2e-6  # of the plastic shear strain of a step: what its strength may be off
 _NOISE = 1e-15  # of the trial strain: the same
-_STRAIGHT = 2e-4  # part of the strain of a step by which a secant may go on
 _DECADE = math.log(10.0)
 
 
@@ -40,7 +33,7 @@ def pyramid(sine, dilation, strength, cutoff, lame, shear):
 
 
 @inlined
-def _on_pyramid(s1, s2, s3, numbers):
+def on_pyramid(s1, s2, s3, numbers):
     """Principal stresses that trial stresses come to without a cut-off, and by how much those yield.
 
     Stresses that may be are left as they are.
@@ -65,7 +58,7 @@ def _on_pyramid(s1, s2, s3, numbers):
 
 
 @inlined
-def _cut_off(s1, s2, s3, t1, t2, t3, numbers):
+def cut_off(s1, s2, s3, t1, t2, t3, numbers):
     """The same with a cut-off, of stresses that come to t1, t2, t3 without one."""
     _, _, cutoff, least = numbers[6]
     confined, sideways = numbers[7], numbers[8]
@@ -85,15 +78,16 @@ def _cut_off(s1, s2, s3, t1, t2, t3, numbers):
 
 
 @inlined
-def returned(s, numbers):
-    """Principal stresses that trial stresses come to; `numbers` are those of `pyramid`."""
+def returned(s, numbers, cuts):
+    """Principal stresses that trial stresses come to; `numbers` are those of `pyramid`, `cuts` if there is a cut-off.
+    """
     s1, s2, s3 = s
-    t1, t2, t3, _ = _on_pyramid(s1, s2, s3, numbers)
-    return _cut_off(s1, s2, s3, t1, t2, t3, numbers)
+    t1, t2, t3, _ = on_pyramid(s1, s2, s3, numbers)
+    return cut_off(s1, s2, s3, t1, t2, t3, numbers) if cuts else (t1, t2, t3)
 
 
 @inlined
-def _plastic_shear(s, t, shear):
+def plastic_shear(s, t, shear):
     """Largest difference of the principal plastic strains that take `s` to `t`."""
     a, b, c = s[0] - t[0], s[1] - t[1], s[2] - t[2]
     high, low = (a if a > b else b), (b if a > b else a)
@@ -101,7 +95,7 @@ def _plastic_shear(s, t, shear):
 
 
 @inlined
-def _plastic_work(s, t, bulk, shear):
+def plastic_work(s, t, bulk, shear):
     """Work per volume of the plastic strain that takes `s` to `t`."""
     a, b, c = s[0] - t[0], s[1] - t[1], s[2] - t[2]
     mean = (a + b + c) / 3.0
@@ -110,35 +104,35 @@ def _plastic_work(s, t, bulk, shear):
 
 
 @inlined
-def strength_at(table, strain):
+def strength_at(tables, r, strain):
     """sin(phi), Y, sin(psi) at a plastic shear strain, their slopes, how far these hold: see `MohrCoulomb.table`."""
-    last = table.shape[1] - 1
-    if not strain < table[0, last]:
-        return (table[1, last], table[2, last], table[3, last]), (0.0, 0.0, 0.0), math.inf
+    t, last = tables, tables.shape[2] - 1
+    if not strain < t[r, 0, last]:
+        return (t[r, 1, last], t[r, 2, last], t[r, 3, last]), (0.0, 0.0, 0.0), math.inf
     k = 0
-    while strain >= table[0, k + 1]:
+    while strain >= t[r, 0, k + 1]:
         k += 1
-    part, per = strain - table[0, k], 1.0 / (table[0, k + 1] - table[0, k])
-    a, b, c = table[1, k + 1] - table[1, k], table[2, k + 1] - table[2, k], table[3, k + 1] - table[3, k]
+    part, per = strain - t[r, 0, k], 1.0 / (t[r, 0, k + 1] - t[r, 0, k])
+    a, b, c = t[r, 1, k + 1] - t[r, 1, k], t[r, 2, k + 1] - t[r, 2, k], t[r, 3, k + 1] - t[r, 3, k]
     slopes = a * per, b * per, c * per
-    values = table[1, k] + part * slopes[0], table[2, k] + part * slopes[1], table[3, k] + part * slopes[2]
-    return values, slopes, table[0, k + 1] - strain
+    values = t[r, 1, k] + part * slopes[0], t[r, 2, k] + part * slopes[1], t[r, 3, k] + part * slopes[2]
+    return values, slopes, t[r, 0, k + 1] - strain
 
 
 @inlined
-def _softer(values, slopes, strain):
+def softer(values, slopes, strain):
     """The three numbers of the strength after more strain."""
     return values[0] + slopes[0] * strain, values[1] + slopes[1] * strain, values[2] + slopes[2] * strain
 
 
 @inlined
-def _give(values, shear, lame):
+def give_on_face(values, shear, lame):
     """Plastic shear strain per strength, on a face."""
     return 0.5 / (lame * values[0] * values[2] + shear * (1.0 + values[0] * values[2]))
 
 
 @inlined
-def _with_memory(s, table, start, part, cutoff, rate, reference, lame, shear):
+def returned_with_memory(s, tables, r, start, part, cutoff, rate, reference, lame, shear):
     """Returned principal stresses and the plastic shear strain x of the step, on whose strength they lie.
 
     The strength is that after the step, at `start` + `part` x, times 1 + `rate` log10(x/`reference`) if that is above
@@ -148,16 +142,16 @@ def _with_memory(s, table, start, part, cutoff, rate, reference, lame, shear):
     x, low, high = 0.0, 0.0, widest
     t = s
     for _ in range(100):
-        values, slopes, _ = strength_at(table, start + part * x)
+        values, slopes, _ = strength_at(tables, r, start + part * x)
         sine, strength, dilation = values
         faster = rate > 0.0 and x > reference
         factor = 1.0 + rate * math.log(x / reference) / _DECADE if faster else 1.0
-        t = returned(s, pyramid(sine, dilation, factor * strength, cutoff, lame, shear))
-        off = _plastic_shear(s, t, shear) - x
+        t = returned(s, pyramid(sine, dilation, factor * strength, cutoff, lame, shear), True)
+        off = plastic_shear(s, t, shear) - x
         if abs(off) <= _SMALL * x + _NOISE * widest:
             break
         low, high = (x, high) if off > 0.0 else (low, x)
-        give = _give(values, shear, lame)
+        give = give_on_face(values, shear, lame)
         stiffening = part * (factor * slopes[1] - slopes[0] * (t[0] + t[2]))
         if faster:
             stiffening += strength * rate / (_DECADE * x)
@@ -170,151 +164,3 @@ def _with_memory(s, table, start, part, cutoff, rate, reference, lame, shear):
             new = 0.5 * (low + high)
         x = new
     return t, x
-
-
-@inlined
-def _outside(tile, count, like, sine, strength, cutoff):
-    """Whether the stress of any lane is outside the cone within the pyramid, or a cone within the cut-off."""
-    wide, uncut = 1.0 + sine * sine / 3.0, cutoff == math.inf
-    outside = 0.0
-    for k in range(LANES):
-        s = la.from_lane(tile, 0, k, like)
-        p = (s[0] + s[1] + s[2]) / 3.0
-        j2 = 0.5 * ((s[0] - p) ** 2 + (s[1] - p) ** 2 + (s[2] - p) ** 2)
-        for c in range(3, len(like)):
-            j2 += tile[c * LANES + k] ** 2
-        room, below = 0.5 * strength - p * sine, cutoff - p
-        inside = (j2 * wide <= room * room) & (room >= 0.0)
-        inside &= uncut | ((4.0 / 3.0 * j2 <= below * below) & (below >= 0.0))
-        outside += 0.0 if inside | (k >= count) else 1.0
-    return outside > 0.0
-
-
-@inlined
-def _sorted(tile, start, k):
-    """Descending order of z, high and low of a lane, of which high >= low, and these."""
-    z, high, low = la.from_lane(tile, start, k, (0.0, 0.0, 0.0))
-    middle = high if high < z else z
-    return (high if high > z else z), (low if low > middle else middle), (low if low < z else z), (z, high, low)
-
-
-@inlined
-def _keep(tile, start, k, values, t, yields):
-    """Write z, high, low that are `t` in order, and whether they are other ones; the old `values` tell their order."""
-    z, high, low = values
-    first, last = z > high, z < low
-    new = t[0] if first else (t[2] if last else t[1])
-    la.to_lane(tile, start, k, (new, t[1] if first else t[0], t[1] if last else t[2], 1.0 if yields else 0.0))
-
-
-@inlined
-def _return_tile(tile, n, table, cutoff, lame, shear):
-    """New values z, high, low after the old ones of all lanes, and 1 where they are new, for a constant strength."""
-    numbers = pyramid(table[1, 0], table[3, 0], table[2, 0], cutoff, lame, shear)
-    for k in range(LANES):
-        s1, s2, s3, values = _sorted(tile, 3 * n, k)
-        t1, t2, t3, excess = _on_pyramid(s1, s2, s3, numbers)
-        t = _cut_off(s1, s2, s3, t1, t2, t3, numbers)
-        _keep(tile, 3 * n + 3, k, values, t, (excess > 0.0) | (s1 > cutoff))
-
-
-@inlined
-def _look_up(tile, count, base, start, table, state, columns):
-    """Strength of the lanes at their plastic shear strain, its slopes, how far they hold, and the part that counts."""
-    memory, part, _ = columns
-    for k in range(count):
-        values, slopes, room = strength_at(table, state[base + k, memory])
-        la.to_lane(tile, start, k, values)
-        la.to_lane(tile, start + 3, k, slopes)
-        la.to_lane(tile, start + 6, k, (room, state[base + k, part] if part >= 0 else 1.0))
-
-
-@inlined
-def _soften_tile(tile, n, cutoff, lame, shear):
-    """As `_return_tile`, for a strength of the strain after the step, by a secant step from two returns in all lanes.
-
-    One return is to the strength of before, the other to that of the strain which a face would take. Their line goes
-    on to the strain that agrees with its return: stress is linear in the strength, and follows it along that line.
-    After z, high, low come whether they are new, then the plastic shear strain of the step, -1 where it is not found.
-    """
-    for k in range(LANES):
-        s1, s2, s3, old = _sorted(tile, 3 * n, k)
-        s = s1, s2, s3
-        values = la.from_lane(tile, 3 * n + VALUES, k, (0.0, 0.0, 0.0))
-        slopes = la.from_lane(tile, 3 * n + VALUES + 3, k, (0.0, 0.0, 0.0))
-        room, part = la.from_lane(tile, 3 * n + VALUES + 6, k, (0.0, 0.0))
-        before = returned(s, pyramid(values[0], values[2], values[1], cutoff, lame, shear))
-        give, first = _give(values, shear, lame), _plastic_shear(s, before, shear)
-        guess = first / (1.0 + give * part * (slopes[1] - slopes[0] * (before[0] + before[2])))
-        values = _softer(values, slopes, part * guess)
-        t = returned(s, pyramid(values[0], values[2], values[1], cutoff, lame, shear))
-        second = _plastic_shear(s, t, shear)
-        more = (second - guess) / (1.0 - (second - first) / (guess if guess > 0.0 else 1.0))
-        x, on = guess + more, more / (guess if guess > 0.0 else 1.0)
-        t = t[0] + on * (t[0] - before[0]), t[1] + on * (t[1] - before[1]), t[2] + on * (t[2] - before[2])
-        found = (abs(more) <= _STRAIGHT * guess) & (part * x < room) & (x >= 0.0)
-        _keep(tile, 3 * n + 3, k, old, t, (t[0] != s1) | (t[2] != s3))
-        la.to_lane(tile, 3 * n + 7, k, (x if found else -1.0,))
-
-
-@inlined
-def _soften_lanes(tile, count, base, n, table, cutoff, rate, reference, lame, shear, state, columns):
-    """Bracket what `_soften_tile` has not found, or all where the strength follows the rate, and store the strain."""
-    memory = columns[0]
-    for k in range(count):
-        x, part = tile[(3 * n + 7) * LANES + k], tile[(3 * n + VALUES + 7) * LANES + k]
-        if rate > 0.0 or x < 0.0:
-            s1, s2, s3, old = _sorted(tile, 3 * n, k)
-            start = state[base + k, memory]
-            t, x = _with_memory((s1, s2, s3), table, start, part, cutoff, rate, reference, lame, shear)
-            _keep(tile, 3 * n + 3, k, old, t, (t[0] != s1) | (t[2] != s3))
-        state[base + k, memory] += part * x
-
-
-@inlined
-def _work(tile, n, k, bulk, shear):
-    """Plastic work per volume of a lane."""
-    old = la.from_lane(tile, 3 * n, k, (0.0, 0.0, 0.0))
-    new = la.from_lane(tile, 3 * n + 3, k, (0.0, 0.0, 0.0))
-    return _plastic_work(old, new, bulk, shear)
-
-
-@kernel
-def advance(bulk, shear, table, cutoff, rate, reference, stress, strain_increment, state, columns, dim):
-    """Advance all rows of `MohrCoulomb.compute_stress`.
-
-    `columns` of the state are those of the plastic shear strain, of the part of it that counts and of the dissipation;
-    one that the state lacks is -1. `reference` is the plastic shear strain of a step at the reference rate; `dim` is a
-    tuple of as many zeros as there are dimensions.
-    """
-    like = la.zero_symmetric(dim)
-    n = len(like)
-    lame = bulk - 2.0 / 3.0 * shear
-    memory, _, dissipation = columns
-    tile = np.ones((3 * n + VALUES + 8) * LANES)
-    for base in range(0, stress.shape[0], LANES):
-        count = min(LANES, stress.shape[0] - base)
-        for k in range(count):
-            b = base + k
-            add_elastic(bulk, shear, b, stress, strain_increment)
-            la.to_lane(tile, 0, k, la.symmetric_at(stress, b, 0, dim))
-        if dissipation >= 0:
-            state[base : base + count, dissipation] = 0.0
-        if memory < 0 and not _outside(tile, count, like, table[1, 0], table[2, 0], cutoff):
-            continue
-        take_apart(tile, like)
-        if memory < 0:
-            _return_tile(tile, n, table, cutoff, lame, shear)
-        else:
-            _look_up(tile, count, base, 3 * n + VALUES, table, state, columns)
-            if rate == 0.0:
-                _soften_tile(tile, n, cutoff, lame, shear)
-            _soften_lanes(tile, count, base, n, table, cutoff, rate, reference, lame, shear, state, columns)
-        put_together(tile, like, 3 * n + 3)
-        for k in range(count):
-            if tile[(3 * n + 6) * LANES + k] == 0.0:
-                continue
-            for c in range(n):
-                stress[base + k, c] = tile[c * LANES + k]
-            if dissipation >= 0:
-                state[base + k, dissipation] = _work(tile, n, k, bulk, shear)

@@ -26,6 +26,7 @@ UTILITIES = Path(__file__).with_name("umat_utilities.c")
 _PROBE = 1e-6  # strain of the call that finds out what a law reads
 
 _Numbers = Annotated[tuple[float, ...], Field(strict=False, max_length=10_000)]
+_Place = Annotated[int, Field(ge=1, strict=True)]
 _Words = Annotated[tuple[Literal["strain", "time", "length"], ...], Field(strict=False)]
 
 
@@ -47,6 +48,9 @@ class Umat(MaterialParameters):
     initial_state_variables: _Numbers | None = Field(
         None, description="their values at the start, if the library has no SDVINI; 0"
     )
+    strength_props: tuple[_Place, ...] = Field(
+        (), strict=False, description="numbers, from 1, of the props that a search for a factor of safety divides"
+    )
     reads: _Words = Field((), description="what the law reads besides: strain (STRAN), time (TIME), length (CELENT)")
     largest_mean_stress: float | None = Field(
         None, ge=0, description="mean stress at which the soil comes apart; none for a law that bears tension",
@@ -61,6 +65,7 @@ class Umat(MaterialParameters):
     report_dissipation: bool = Field(False, description="keep SPD and SCD of the last step in the state")
 
     exchanges_stress: ClassVar[bool] = False
+    weakened_by: ClassVar[str] = "strength_props"
 
     @model_validator(mode="after")
     def _suits(self):
@@ -72,10 +77,21 @@ class Umat(MaterialParameters):
                 f"initial_state_variables must be {self.state_variables} numbers, as state_variables says, not "
                 f"{len(start)}"
             )
+        beyond = [k for k in self.strength_props if k > len(self.props)]
+        if beyond:
+            raise ValueError(f"strength_props name prop {beyond[0]}, but there are {len(self.props)} props")
         if (self.bulk_modulus is None) != (self.shear_modulus is None):
             raise ValueError("give bulk_modulus and shear_modulus together, or neither")
         self._find_what_it_reads()
         return self
+
+    def weakened(self, factor: float) -> "Umat":
+        """The law with the props that `strength_props` names divided by `factor`.
+
+        A cohesion and a tangent, or the numbers of a cone, keep the apex, so `largest_mean_stress` stays.
+        """
+        divided = (p / factor if k in self.strength_props else p for k, p in enumerate(self.props, 1))
+        return self.model_copy(update={"props": tuple(divided)})
 
     @property
     def _address(self) -> int:

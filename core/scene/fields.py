@@ -24,14 +24,14 @@ def create_laws(scene) -> list[Material]:
     """
     laws = [_create(model) for model in scene.materials.values()]
     for key, law in zip(scene.materials, laws, strict=True):
-        if averaged(law) is not None:
-            _refuse_length(scene, key, law)
+        wanted = averaged(law)
+        if wanted is not None:
+            _refuse_length(scene, key, law, wanted[1])
     return laws
 
 
-def _refuse_length(scene, key, law) -> None:
+def _refuse_length(scene, key, law, length: float) -> None:
     """Raise InputError unless there is a row for each point, and points lie close enough."""
-    _, length = averaged(law)
     reason = ""
     if scene.correspondence.scheme not in POINT_SCHEMES:
         reason = f"averaging needs a row for each point: choose correspondence {' or '.join(POINT_SCHEMES)}, not "

@@ -244,9 +244,12 @@ def _strength_problems(scene: SceneInput) -> Iterator[Problem]:
             yield Problem(("stages", k, "type"), "needs gravity, which tells how fast soil falls; give 'gravity'")
         for name, material in scene.materials.items():
             law = registry.load(material.model)
-            if not (hasattr(law, "weakened") or getattr(law, "conservative", False)):
+            weakens = hasattr(law, "weakened") or getattr(law, "conservative", False)
+            needed = getattr(law, "weakened_by", None)
+            if not weakens or (needed is not None and not material.parameters.get(needed)):
+                cure = "" if needed is None else f": give {needed}"
                 message = f"'{material.model}' does not say how its strength is reduced; stage '{stage.name}' needs it"
-                yield Problem(("materials", name, "model"), message)
+                yield Problem(("materials", name, "model"), message + cure)
 
 
 def _sleep_problems(scene: SceneInput) -> Iterator[Problem]:

@@ -153,6 +153,30 @@ def test_a_law_that_wants_shorter_steps_gets_them_up_to_a_limit(compiled):
 
 
 @needs_c
+def test_a_search_for_a_factor_of_safety_divides_the_props_that_are_named(compiled):
+    """eta and xi c of the cone: in shear at no volume change the strength falls by the factor."""
+    law, reached = soil(compiled, strength_props=[3, 4]), []
+    for weaker in (law, law.weakened(2.0)):
+        stress = np.array([[-1e4, -1e4, -1e4, 0.0]])
+        state = weaker.initial_state(stress.copy(), np.zeros((1, 2), int), np.ones(1))
+        weaker = weaker.model_copy(update={"props": (*weaker.props[:4], 0.0)})
+        weaker.compute_stress(stress, np.array([[0.0, 0.0, 0.0, 1e-2]]), state, 1.0)
+        reached.append(stress[0, 3])
+    assert reached[0] == pytest.approx(2.0 * reached[1], rel=1e-12) and reached[1] > 1e3
+    assert law.weakened(2.0).props[0] == law.props[0]
+    parameters = {k: list(v) if isinstance(v, tuple) else v for k, v in law.model_dump(exclude_none=True).items()}
+    scene = {
+        "dimension": 2, "spacing": 0.1, "gravity": [0, -9.81], "materials": {"soil": {"model": "umat"} | parameters},
+        "bodies": [{"name": "b", "material": "soil", "shape": {"type": "box", "lower": [0, 0], "upper": [1, 1]}}],
+        "stages": [{"name": "safety", "type": "strength_reduction", "trial": 1.0, "damping": {"viscous": 20.0}}],
+    }  # fmt: skip
+    periporo.Simulation.from_scene(scene)
+    del scene["materials"]["soil"]["strength_props"]
+    with pytest.raises(periporo.InputError, match="give strength_props"):
+        periporo.Simulation.from_scene(scene)
+
+
+@needs_c
 def test_what_does_not_suit_is_refused(compiled, tmp_path):
     cases = (
         ({"library": str(tmp_path / "none.so")}, "there is no library"),
@@ -160,6 +184,7 @@ def test_what_does_not_suit_is_refused(compiled, tmp_path):
         ({"props_count": 6}, "the law wants 6 props, not 5"),
         ({"initial_state_variables": [1.0, 2.0]}, "must be 1 numbers"),
         ({"bulk_modulus": 1e6}, "together"),
+        ({"strength_props": [6]}, "name prop 6, but there are 5"),
         ({"props": [np.inf, MU, 0.1, 1.0, 0.0]}, "finite"),
     )
     for change, message in cases:
