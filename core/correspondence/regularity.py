@@ -189,11 +189,19 @@ def _exchange(
         a = max(flow[i, ACTIVITY], flow[j, ACTIVITY])
         if w == 0.0 or a == 0.0:
             continue
+        part = min(flow[i, PART], flow[j, PART])
+        gives = part != 0.0 and material[i] == material[j]  # most laws exchange nothing
+        xi = vectors.difference(position, i, j, dim)
+        square = vectors.dot(xi, xi)
+        size = NEAREST * 0.5 * (flow[i, SIZE] + flow[j, SIZE])
+        close = 0.0 < square < size * size
+        if not (gives or close):
+            continue
         c = w * (link[i, 2] * link[j, 3] + link[j, 2] * link[i, 3])
         if c == 0.0:
             continue
-        k = 0.5 * a * c * min(flow[i, PART], flow[j, PART])
-        if material[i] == material[j] and k != 0.0:  # most laws exchange nothing
+        if gives:
+            k = 0.5 * a * c * part
             p_i, p_j = flow[i, SIGNED], flow[j, SIGNED]
             change = k * (min(p_j, max(-p_i, 0.0)) - min(p_i, max(-p_j, 0.0)))
             mean[i] += change
@@ -202,10 +210,7 @@ def _exchange(
                 change = k * (flow_stress[j, e] - flow_stress[i, e])
                 stress[i, e] += change
                 stress[j, e] -= change
-        xi = vectors.difference(position, i, j, dim)
-        square = vectors.dot(xi, xi)
-        size = NEAREST * 0.5 * (flow[i, SIZE] + flow[j, SIZE])
-        if square < size * size and square > 0.0:
+        if close:
             r = np.sqrt(square)
             part = min(REARRANGED * 0.5 * dt * a * (flow[i, RATE] + flow[j, RATE]), MOST_REARRANGED)
             for e in range(len(dim)):
