@@ -22,7 +22,7 @@ mass than its point, and its damping would need shorter steps.
 import numpy as np
 
 from periporo.contact.motion import Motion, Pose, velocity_between
-from periporo.contact.penalty import SOON, add_contact_force, resist_faces
+from periporo.contact.penalty import SOON, add_contact_force, guide_points, resist_faces
 from periporo.contact.reaction import Feelers, Reaction
 from periporo.contact.search import Search
 from periporo.contact.surfaces import Surface
@@ -228,20 +228,12 @@ class RigidContact:
         as it would be by its mirror image. The cell grows as much as the point is lifted.
         """
         rows = self._near(p, self.pose)
-        rows = rows[rows < len(part)]  # not those that sleep
-        rows = rows[part[rows] > 0.0]
         if not len(rows):
             return
         gap, normal = self._gap(p.position[rows], self.pose)
-        cell = getattr(p, self.cell)
-        held = gap - self.reach < cell[rows, :2].max(axis=1, initial=-np.inf)
-        rows, gap, normal = rows[held], gap[held], normal[held]
-        along = (way[rows] * normal).sum(axis=1)
-        missing = np.maximum(room[rows] - gap, 0.0)
-        up = np.maximum(along, np.minimum(room[rows] - gap, 0.0)) + part[rows] * missing
-        way[rows] -= along[:, None] * normal
-        lift[rows] += up[:, None] * normal
-        cell[rows, 1] += up
+        guide_points(
+            rows, gap, np.ascontiguousarray(normal), self.reach, getattr(p, self.cell), room, part, way, lift, p.dim
+        )
 
     def outline(self, p: Particles, time: float, middle: np.ndarray, size: float):
         """How the obstacle is drawn at this time, see `Surface.outline`."""

@@ -106,8 +106,9 @@ def rearrange(p, motions, contacts, dt: float) -> None:
             motion.hold_zero(p, way)
             motion.hold_zero(p, free)
         part *= free.all(axis=1)
+    flows = part.any()
     for contact in contacts:
-        if hasattr(contact, "guide"):
+        if flows and hasattr(contact, "guide"):
             contact.guide(p, 0.5 * NEAREST * flow[:, SIZE], part, way, lift)
     names, nothing = ("external_force", "contact_force"), np.empty((0, p.dimension))
     external, contact = (getattr(p, name) if name in p.fields else nothing for name in names)

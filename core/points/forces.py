@@ -22,8 +22,9 @@ class ForceChannels:
     def __init__(self, particles: Particles):
         self.names: list[str] = []
         self.columns = np.empty(0, np.int64)  # of `work`, for each channel
-        self._found: tuple[np.ndarray | None, tuple[np.ndarray, ...]] = None, ()  # ids of the points, and their arrays
+        self._found: tuple = None, (), ()  # ids of the points, their forces and moments
         self.on_faces: list[str] = []  # channels whose loads act on faces
+        self.face_columns = np.empty(0, np.int64)  # of `work`, for each of them
         self._particles = particles
         particles.add_field(Field("work", len(WORK), "J", sent=False))
         particles.add_field(Field("previous_velocity", particles.dimension, "m/s", migrates=False, sent=False))
@@ -32,27 +33,32 @@ class ForceChannels:
         """Declare a channel of `WORK`, with moments if loads act `on_faces`; declaring it again changes nothing."""
         if on_faces and name not in self.on_faces:
             self.on_faces.append(name)
+            self.face_columns = np.array([WORK.index(n) for n in self.on_faces], np.int64)
+            self._found = None, (), ()
             # kept from one step to the next, which begins with these loads
             self._particles.add_field(Field(f"{name}_moment", self._particles.dimension**2, "N m", sent=False))
         if name not in self.names:
             self.names.append(name)
             self.columns = np.array([WORK.index(n) for n in self.names], np.int64)
-            self._found = None, ()
+            self._found = None, (), ()
             self._particles.add_field(
                 Field(f"{name}_force", self._particles.dimension, "N", migrates=False, sent=True)
             )
 
     def arrays(self) -> tuple[np.ndarray, ...]:
         """The (total, d) N array of each channel."""
-        ids, arrays = self._found
-        if ids is not self._particles.id:  # a rebuild makes all arrays anew
-            arrays = tuple(getattr(self._particles, f"{n}_force") for n in self.names)
-            self._found = self._particles.id, arrays
-        return arrays
+        return self._find()[1]
 
-    def moments(self) -> list[np.ndarray]:
+    def moments(self) -> tuple[np.ndarray, ...]:
         """The (owned, d^2) N m array of each channel with loads on faces."""
-        return [getattr(self._particles, f"{name}_moment") for name in self.on_faces]
+        return self._find()[2]
+
+    def _find(self):
+        p = self._particles
+        if self._found[0] is not p.id:  # a rebuild makes all arrays anew
+            moments = tuple(getattr(p, f"{name}_moment") for name in self.on_faces)
+            self._found = p.id, tuple(getattr(p, f"{name}_force") for name in self.names), moments
+        return self._found
 
     def moment(self) -> np.ndarray | None:
         """Sum of all moments of loads on faces, (owned, d^2) N m, or None if no channel has such loads."""
@@ -69,8 +75,8 @@ class ForceChannels:
     def book_moments(self, dt: float) -> None:
         """Give channels the work of their moments in `dt` s, at the points' velocity gradients."""
         p = self._particles
-        for name, moment in zip(self.on_faces, self.moments(), strict=True):
-            _book_moments(p.owned, dt, moment, p.gradient, p.work, WORK.index(name), INTERNAL)
+        if self.on_faces:
+            _book_moments(p.owned, dt, self.moments(), p.gradient, p.work, self.face_columns, INTERNAL)
 
     def total(self) -> np.ndarray:
         """Sum of all channels on the owned points, (owned, d) N."""
@@ -79,10 +85,11 @@ class ForceChannels:
 
 
 @kernel
-def _book_moments(owned, dt, moment, gradient, work, column, internal):
+def _book_moments(owned, dt, moments, gradient, work, columns, internal):
     for i in range(owned):
-        done = 0.0
-        for c in range(moment.shape[1]):
-            done += dt * moment[i, c] * gradient[i, c]
-        work[i, column] += done
-        work[i, internal] -= done
+        for k, moment in enumerate(moments):
+            done = 0.0
+            for c in range(moment.shape[1]):
+                done += dt * moment[i, c] * gradient[i, c]
+            work[i, columns[k]] += done
+            work[i, internal] -= done
