@@ -45,6 +45,23 @@ def resist_faces(rows, gap, normal, velocity, gradient, share, reach, stiffness,
 
 
 @kernel
+def guide_points(rows, gap, normal, reach, cell, room, part, way, lift, dim):
+    """What leads points along the normal goes from `way` to `lift`, see `periporo.contact.rigid.RigidContact.guide`."""
+    for k in range(rows.shape[0]):
+        i = rows[k]
+        if i >= part.shape[0] or not part[i] > 0.0 or not gap[k] - reach < max(cell[i, 0], cell[i, 1]):
+            continue  # it sleeps, or does not flow, or is not held
+        along = 0.0
+        for a in range(len(dim)):
+            along += way[i, a] * normal[k, a]
+        up = max(along, min(room[i] - gap[k], 0.0)) + part[i] * max(room[i] - gap[k], 0.0)
+        for a in range(len(dim)):
+            way[i, a] -= along * normal[k, a]
+            lift[i, a] += up * normal[k, a]
+        cell[i, 1] += up
+
+
+@kernel
 def add_contact_force(
     rows, gap, normal, velocity, gradient, share, obstacle, mass, dt, reach, plane_stiffness, width, friction, damping,
     spring, cell, contact, contact_moment, shear, shear_moment, dim,

@@ -22,7 +22,7 @@ mass than its point, and its damping would need shorter steps.
 import numpy as np
 
 from periporo.contact.motion import Motion, Pose, velocity_between
-from periporo.contact.penalty import SOON, add_contact_force, resist_faces
+from periporo.contact.penalty import SOON, add_contact_force, guide_points, resist_faces
 from periporo.contact.reaction import Feelers, Reaction
 from periporo.contact.search import Search
 from periporo.contact.surfaces import Surface
@@ -231,26 +231,15 @@ class RigidContact:
         the surface than `room` (awake,) m; and a point that is nearer is lifted by `part` (awake,) of what is missing,
         as it would be by its mirror image. The cell grows as much as the point is lifted.
         """
-        near = self._near(p, self.pose)
-        chosen = np.flatnonzero(near < len(part))  # not those that sleep
-        chosen = chosen[part[near[chosen]] > 0.0]
-        if not len(chosen):
+        rows = self._near(p, self.pose)
+        if not len(rows):
             return
-        rows = near[chosen]
         there, pose, x, gap, normal = self._seen
-        if there is near and pose is self.pose and np.array_equal(x, p.position[near]):  # nothing has moved since
-            gap, normal = gap[chosen], normal[chosen]
-        else:
+        if not (there is rows and pose is self.pose and np.array_equal(x, p.position[rows])):  # something has moved
             gap, normal = self._gap(p.position[rows], self.pose)
-        cell = getattr(p, self.cell)
-        held = gap - self.reach < cell[rows, :2].max(axis=1, initial=-np.inf)
-        rows, gap, normal = rows[held], gap[held], normal[held]
-        along = (way[rows] * normal).sum(axis=1)
-        missing = np.maximum(room[rows] - gap, 0.0)
-        up = np.maximum(along, np.minimum(room[rows] - gap, 0.0)) + part[rows] * missing
-        way[rows] -= along[:, None] * normal
-        lift[rows] += up[:, None] * normal
-        cell[rows, 1] += up
+        guide_points(
+            rows, gap, np.ascontiguousarray(normal), self.reach, getattr(p, self.cell), room, part, way, lift, p.dim
+        )
 
     def outline(self, p: Particles, time: float, middle: np.ndarray, size: float):
         """How the obstacle is drawn at this time, see `Surface.outline`."""

@@ -107,8 +107,9 @@ def rearrange(p, motions, contacts) -> None:
             motion.hold_zero(p, way)
             motion.hold_zero(p, free)
         part *= free.all(axis=1)
+    flows = part.any()
     for contact in contacts:
-        if hasattr(contact, "guide"):
+        if flows and hasattr(contact, "guide"):
             contact.guide(p, room, part, way, lift)
     names, nothing = ("external_force", "contact_force"), np.empty((0, p.dimension))
     external, contact = (getattr(p, name) if name in p.fields else nothing for name in names)
@@ -196,11 +197,19 @@ def _exchange(
         a = max(flow[i, ACTIVITY], flow[j, ACTIVITY])
         if w == 0.0 or a == 0.0:
             continue
+        part = min(flow[i, PART], flow[j, PART])
+        gives = part != 0.0 and material[i] == material[j]  # most laws exchange nothing
+        xi = vectors.difference(position, i, j, dim)
+        square = vectors.dot(xi, xi)
+        size = NEAREST * 0.5 * (flow[i, SIZE] + flow[j, SIZE])
+        close = 0.0 < square < size * size
+        if not (gives or close):
+            continue
         c = w * (link[i, 2] * link[j, 3] + link[j, 2] * link[i, 3])
         if c == 0.0:
             continue
-        k = 0.5 * a * c * min(flow[i, PART], flow[j, PART])
-        if material[i] == material[j] and k != 0.0:  # most laws exchange nothing
+        if gives:
+            k = 0.5 * a * c * part
             p_i, p_j = flow[i, SIGNED], flow[j, SIGNED]
             change = k * (min(p_j, max(-p_i, 0.0)) - min(p_i, max(-p_j, 0.0)))
             mean[i] += change
@@ -209,10 +218,7 @@ def _exchange(
                 change = k * (flow_stress[j, e] - flow_stress[i, e])
                 stress[i, e] += change
                 stress[j, e] -= change
-        xi = vectors.difference(position, i, j, dim)
-        square = vectors.dot(xi, xi)
-        size = NEAREST * 0.5 * (flow[i, SIZE] + flow[j, SIZE])
-        if square < size * size and square > 0.0:
+        if close:
             r = np.sqrt(square)
             overlap = 0.5 * (size - r) / r
             for e in range(len(dim)):
