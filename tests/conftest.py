@@ -23,8 +23,7 @@ from periporo.materials.elastic import Elastic
 ELASTIC = {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
 SOFT = {"model": "elastic", "density": 2100.0, "bulk_modulus": 10e6, "shear_modulus": 4e6}
 # Ranks and other tests share the cores: MPICH waits busily, so let it sleep; Open MPI refuses many ranks, so allow it
-PATIENT = {"MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1", "MPIR_CVAR_CH4_PROGRESS_THROTTLE_NO_PROGRESS_COUNT": "64",
-           "OMPI_MCA_rmaps_base_oversubscribe": "1"}  # fmt: skip
+PATIENT = {"MPIR_CVAR_ENABLE_HEAVY_YIELD": "1", "OMPI_MCA_rmaps_base_oversubscribe": "1"}
 LONGEST = ("mpi/test_mpi.py", "materials/test_testing.py", "verification/test_cases.py", "mpi/test_checkpoint.py")
 CAM_CLAY = {
     "model": "cam_clay", "grain_density": 2200.0, "porosity": 0.2, "bulk_modulus": 25e6, "shear_modulus": 15e6,
