@@ -14,6 +14,7 @@ from . import (
     kinematics,
     manufactured,
     motion,
+    noise,
     seepage,
     sliding,
     slopes,
@@ -102,4 +103,5 @@ CASES = (
     Case("W6", drainage.ponded),
     Case("W7", drainage.liakopoulos),
     Case("W9", waves.undrained_wave),
+    Case("W11", noise.at_rest_and_in_flow),
 )
