@@ -28,7 +28,7 @@ def build_water(scene, materials) -> PoreWater:
             flowing.increments = Increments(flowing)
         return flowing
     if water.drainage == "undrained":
-        return UndrainedWater(pores, _profile(scene), free)
+        return UndrainedWater(pores, _profile(scene), free, scene.vector(scene.gravity))
     return DrainedWater(pores, _profile(scene), free, frozen=water.frozen)
 
 

@@ -55,7 +55,7 @@ class FlowingWater(UndrainedWater):
     """
 
     def __init__(self, pores, profile, free, permeability: Permeability):
-        super().__init__(pores, profile, free)
+        super().__init__(pores, profile, free, permeability.gravity)
         self.permeability = permeability
         self.increments: Increments | None = None  # of quasi-static stages
 

@@ -19,6 +19,7 @@ from periporo.core.numerics.jit import kernel
 from periporo.core.points.forces import WORK
 from periporo.core.points.material import BONDING
 from periporo.core.points.particles import Field
+from periporo.core.water import smoothing
 from periporo.core.water.content import fill_content, fill_pressure, follow_volume, pore_stiffness
 from periporo.core.water.pressure import FreeWater, Profile, UniformSuction
 from periporo.core.water.retention import Retention, packed, saturations
@@ -170,11 +171,20 @@ class UndrainedWater(PoreWater):
     (present over initial volume).
     """
 
+    def __init__(self, pores: Pores, profile: Profile, free: FreeWater | None, gravity: np.ndarray):
+        """`gravity` (d,) m/s^2 is the scene's."""
+        super().__init__(pores, profile, free)
+        self.weight = pores.density * gravity
+        self.smooths = False
+
     def attach(self, sim) -> None:
         """Declare the point fields, and tell blocks what stiffness the water adds to theirs."""
         super().attach(sim)
         sim.particles.add_field(Field("water_content", None, "m^3", sent=False))
         sim.particles.add_field(Field("pore_dilation", None, "1", sent=False))
+        self.smooths = "flow" in sim.particles.fields and any(b.opening is not None for b in sim.bonds.blocks)
+        if self.smooths:
+            sim.particles.add_field(smoothing.FIELD)
         for block in sim.bonds.blocks:
             block.pore_stiffness = self._stiffness
 
@@ -192,6 +202,19 @@ class UndrainedWater(PoreWater):
             self.exchange(p, p.water_content)
         else:
             self._fill_pressure(p)
+            if self.smooths and dt > 0.0:
+                self._smooth(p, dt)
+
+    def _smooth(self, p, dt):
+        """Exchange water between points that flow."""
+        n = p.owned
+        smoothing.describe(p, self._stiffness_of(np.arange(n)), dt)
+        self._sim.halo.update(p, "share", "smoothing")
+        gained = np.zeros(p.total)
+        smoothing.exchange(p, self._sim.bonds.pairs, self.weight, gained)
+        p.water_content += gained[:n]
+        self._fill_pressure(p)
+        self.exchange(p, p.water_content)
 
     def fill_content(self, p, content):
         """The `content` (owned,) m^3 that the present pressure makes in the present volume, porosity and saturation."""
@@ -211,8 +234,10 @@ class UndrainedWater(PoreWater):
         """What the water of the points adds to the bulk modulus of a block's rows, (n,) Pa: nothing in relaxation."""
         if self._sim.rate_independent:
             return np.zeros(len(block.active))
+        return self._stiffness_of(np.asarray(block.first, np.int64))
+
+    def _stiffness_of(self, rows):
         p = self._sim.particles
-        rows = np.asarray(block.first, np.int64)
         return pore_stiffness(
             rows, p.material, self.pores.bulk_modulus, self.curves, p.pore_pressure, p.porosity, p.pore_dilation
         )

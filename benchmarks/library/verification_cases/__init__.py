@@ -16,6 +16,7 @@ from . import (
     kinematics,
     manufactured,
     motion,
+    noise,
     seepage,
     sliding,
     slopes,
@@ -107,4 +108,5 @@ CASES = (
     Case("W6", drainage.ponded),
     Case("W7", drainage.liakopoulos),
     Case("W9", waves.undrained_wave),
+    Case("W11", noise.at_rest_and_in_flow),
 )

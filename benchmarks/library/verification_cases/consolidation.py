@@ -50,7 +50,7 @@ def stage(boundaries, duration=1.0, **keys):
     return {"name": "wait", "type": "quasi_static", "duration": duration, "boundaries": list(boundaries), **keys}
 
 
-def layer(rows, load, scheme, across=4):
+def layer(rows, load, scheme, across=4, duration=1.0, jitter=0.0):
     """A layer of thickness 2, `across` points wide, between drains at its loaded faces, which nothing holds."""
     spacing = 1.0 / rows
     boundaries = {"sides": {"where": {"lower": [None, -2.0]}, "fix": ["x"]}}
@@ -62,7 +62,7 @@ def layer(rows, load, scheme, across=4):
         boundaries[f"drain {name}"] = {"where": where, "water": {"pressure": 0, "side": side}}
     return simulation(
         spacing, box([0.0, -1.0], [across * spacing, 1.0]), scheme=scheme, pore_water=flowing(P_MODULUS),
-        boundaries=boundaries, stages=[stage(boundaries)],
+        boundaries=boundaries, stages=[stage(boundaries, duration)], jitter=jitter,
     )  # fmt: skip
 
 

@@ -20,8 +20,8 @@ def build_with(table, **scene):
     """A simulation whose retention `table` has rows of suction Pa, saturation, and relative conductivity."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "retention.csv"
-        rows = "".join(f"{a:.17g},{b:.17g},{c:.17g}\n" for a, b, c in table)
-        file.write_text("suction,saturation,conductivity\n" + rows)
+        rows = [f"{suction:.17g},{filled:.17g},{relative:.17g}" for suction, filled, relative in table]
+        file.write_text("\n".join(["suction,saturation,conductivity", *rows]))
         water = scene.pop("pore_water") | {"retention": {"table": str(file)}}
         return simulation(pore_water=water, **scene)
 

@@ -147,3 +147,23 @@ def test_what_undrained_water_needs_is_said(scene_of, started):
             parse_scene(scene | {"pore_water": water}, ".")
     with pytest.raises(InputError, match=r"no 'porosity', which pore water needs; give\s+pore_water.porosity"):
         started(scene | {"pore_water": {"suction": 0}})
+
+
+def test_pressures_of_soil_that_flows_are_smoothed_and_water_is_kept(scene_of, started):
+    """Points that flow take differences away, and none of water at rest; elastic soil has nothing of it."""
+    law = SAND | {"model": "drucker_prager", "cohesion": 100.0, "friction_angle": 30.0}
+    water = {k: v for k, v in FULL.items() if k != "suction"} | {"water_table": 0.2, "bulk_modulus": 1e8}
+    sim = started(scene_of(materials=law, pore_water=water, initial_stress={"type": "geostatic", "K0": 0.5}))
+    process, p = next(q for q in sim.point_processes if hasattr(q, "smooths")), sim.particles
+    assert process.smooths and not started(scene_of(materials=SAND, pore_water=FULL)).particles.fields.get("smoothing")
+    still = p.pore_pressure.copy()
+    p.flow[:, 1], p.flow[:, 2] = 1.0, sim.spacing
+    process._smooth(p, sim.dt)
+    assert p.pore_pressure == pytest.approx(still, abs=1.0)
+    p.water_content *= 1.0 + 1e-4 * np.random.default_rng(1).uniform(-1.0, 1.0, p.owned)
+    process._fill_pressure(p)
+    before, content = (p.pore_pressure - still).std(), p.water_content.sum()
+    for _ in range(20):
+        process._smooth(p, sim.dt)
+    assert (p.pore_pressure - still).std() < 0.35 * before and p.pore_pressure.mean() > 0.9 * still.mean()
+    assert p.water_content.sum() == pytest.approx(content, rel=1e-14)
