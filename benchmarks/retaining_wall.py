@@ -1,9 +1,12 @@
 """Earth pressure on smooth walls against Rankine, from the histories of their forces.
 
-    python -m benchmarks retaining_wall [--points 10 20]
+    python -m benchmarks retaining_wall [--points 10 20] [--floors 0.6 0]
 
 The scene configs/retaining_wall.yaml with that many points of height: the force on each wall, in the mean over the last
-third of its way, over gamma H^2/2 K_a and K_p.
+third of its way, over gamma H^2/2 K_a and K_p. With --floors the active wall alone, 2 m of sand before a wall that
+stands, on floors of that friction: the points in the corner of the wedge stand on the floor, which takes about
+friction gamma H times half a spacing of the thrust. With 10 points of height that is 0.856 against 1.042 on a smooth
+floor; the deviation falls with the spacing.
 """
 
 import importlib.resources
@@ -20,9 +23,25 @@ from . import option_parser
 G, HEIGHT = 9.81, 1.0
 
 
+def _scene() -> dict:
+    return read_yaml(importlib.resources.files("periporo.configs") / "retaining_wall.yaml").data
+
+
+def active(points: int, floor: float) -> float:
+    """Measured over Rankine's force of the active wall alone, on a floor of that friction."""
+    scene = _scene()
+    scene["bodies"][0]["shape"]["upper"][0] = 2.0
+    scene["contacts"][0]["friction"] = floor
+    scene["contacts"][2] = {"type": "plane", "point": [2, 0], "normal": [-1, 0], "friction": 0, "name": "passive"}
+    return _measured(scene, points)["active"]
+
+
 def thrusts(points: int) -> dict[str, float]:
     """Measured over Rankine's force of each wall."""
-    scene = read_yaml(importlib.resources.files("periporo.configs") / "retaining_wall.yaml").data
+    return _measured(_scene(), points)
+
+
+def _measured(scene, points):
     sim = build(parse_scene(scene | {"spacing": HEIGHT / points}), MPI.COMM_SELF)
     times, forces = [], {"active": [], "passive": []}
 
@@ -46,7 +65,14 @@ def thrusts(points: int) -> dict[str, float]:
 def main(words=None):
     parser = option_parser(__name__, __doc__)
     parser.add_argument("--points", type=int, nargs="+", default=[10, 20], help="of height")
+    parser.add_argument("--floors", type=float, nargs="+", help="frictions of floors below the active wall alone")
     arguments = parser.parse_args(words)
+    if arguments.floors:
+        print("| points of height | floor | active, / Rankine |\n|---|---|---|")
+        for points in arguments.points:
+            for floor in arguments.floors:
+                print(f"| {points} | {floor:g} | {active(points, floor):.3f} |", flush=True)
+        return
     print("| points of height | active, / Rankine | passive, / Rankine |\n|---|---|---|")
     for points in arguments.points:
         found = thrusts(points)
