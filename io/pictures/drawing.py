@@ -43,10 +43,10 @@ def point_spacing(results):
 
 
 def vertical_axis(results):
-    """Index of the axis along which gravity acts; without gravity y in two dimensions, z in three."""
+    """Index of the axis against which gravity pulls most, so that down is down; without it y in 2D, z in 3D."""
     gravity = results.configuration.get("gravity")
     if isinstance(gravity, list) and len(gravity) == results.dimension and any(gravity):
-        return int(np.argmax(np.abs(gravity)))
+        return int(np.argmin(gravity) if min(gravity) < 0.0 else np.argmax(gravity))
     return results.dimension - 1
 
 
