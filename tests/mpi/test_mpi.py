@@ -110,7 +110,8 @@ def construction():
     """A bank is dug off and filled up again, shaken through a base that absorbs, and weakened until it falls."""
     held = ["base", "left"]
     return {
-        "dimension": 2, "spacing": 0.5, "gravity": [0.0, -10.0], "materials": {"sand": SAND | FIRM},
+        "dimension": 2, "spacing": 0.5, "gravity": [0.0, -10.0],
+        "materials": {"sand": SAND | FIRM | {"cohesion": 5e3}},
         "bodies": [{"name": "bank", "material": "sand", "shape": {"type": "box", "lower": [0, 0], "upper": [6, 3]}},
                    {"name": "fill", "material": "sand", "shape": {"type": "box", "lower": [4, 1], "upper": [5, 2]}}],
         "boundaries": {"base": {"where": {"upper": [None, 0.5]}, "fix": ["x", "y"]},
@@ -122,8 +123,8 @@ def construction():
                    {"name": "fill", "type": "relax", "tolerance": 0.02, "boundaries": held, "place": ["fill"]},
                    {"name": "shake", "type": "dynamics", "duration": 0.3, "boundaries": ["rock", "left"]},
                    {"name": "safety", "type": "strength_reduction", "trial": 0.5, "damping": {"viscous": 20.0},
-                    "accuracy": 0.2, "boundaries": held}],
-        "output": {"interval": 0.1},
+                    "accuracy": 0.5, "boundaries": held}],
+        "output": {"interval": 0.05},
     }  # fmt: skip
 
 
@@ -159,8 +160,8 @@ def three_laws():
                    for k, name in enumerate(laws)],
         "initial_stress": {"type": "geostatic", "K0": 0.6},
         "contacts": [{"type": "plane", "point": [0, 0], "normal": [0.05, 1], "friction": 0.5}],
-        "stages": [{"name": "fall", "type": "dynamics", "duration": 0.05}],
-        "output": {"interval": 0.01},
+        "stages": [{"name": "fall", "type": "dynamics", "duration": 0.02}],
+        "output": {"interval": 0.004},
     }  # fmt: skip
 
 
@@ -189,12 +190,12 @@ def simulated(launch, by_folder, tmp_path_factory, scene_of):
                    time_step={"fixed": 2e-5}, output={"interval": 1e-4})  # fmt: skip
     monitored = scene_of(counts=(30, 8), monitor={"points": [[-0.1, 0.08], [0.1, 0.0]]})
     cases = [(scene.__name__, scene(), (1, 2, 3, 4)) for scene in MOVING]
-    cases += [("sled", sled(), (1, 3)), ("few", few, (1, 5)), ("monitored", monitored, (1, 3))]
+    cases += [("sled", sled(), (1, 3)), ("few", few, (1, 4)), ("monitored", monitored, (1, 3))]
     cases += [("landslide", landslide(), (1, 3)), ("construction", construction(), (1, 3))]
     cases += [("varied", varied(), (1, 3)), ("tied", tied(), (1, 3))]
     cases += [("three_laws", three_laws(), (1, 3)), ("rings", rings(), (1, 3))]
     parent, files, said = tmp_path_factory.mktemp("simulated"), {}, {}
-    for ranks in (1, 2, 3, 4, 5):
+    for ranks in (1, 2, 3, 4):
         for name, scene, numbers in cases:
             if ranks in numbers:
                 folder = parent / str(ranks) / name
@@ -247,7 +248,7 @@ def test_more_ranks_than_points(simulated, datasets, assert_same_bits):
     files = simulated[0]
     one = datasets(files[1, "few"])
     assert set(one["VTKHDF/PointData/id"]) == {0, 1, 2, -1}  # and the corners of the obstacle
-    assert_same_bits(one, datasets(files[5, "few"]))
+    assert_same_bits(one, datasets(files[4, "few"]))
 
 
 def test_monitored_points_have_the_same_histories_on_any_number_of_ranks(simulated):
@@ -269,7 +270,7 @@ def test_plain_lines_show_energies_speed_rebuilds_and_imbalance(simulated):
     assert said.count("energy ledger") == 1
 
 
-@pytest.mark.parametrize("ranks", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize("ranks", [1, 2, 3, 4])
 def test_parts_of_the_core(simulated, ranks):
     names = simulated[1][ranks, "parts"].split()
     assert len(names) == 9 and all(name.startswith("check_") for name in names)
