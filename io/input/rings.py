@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 
 from periporo.errors import Problem
+from periporo.io.geometry.points import PointFileError
+from periporo.io.geometry.rasters import GroundFileError
 from periporo.io.geometry.shapes import bounds
 from periporo.io.schema.scene import POINT_SCHEMES, SceneInput
 
@@ -47,7 +49,10 @@ def _missing(scene):
     if any((scene.gravity or (0.0,))[:1]):
         yield Problem(("gravity",), "must be along the axis, [0, g], with axisymmetric: true")
     for k, body in enumerate(scene.bodies):
-        lower = bounds(body.shape, 2)[0][0]
+        try:
+            lower = bounds(body.shape, 2)[0][0]
+        except (GroundFileError, PointFileError):
+            continue  # which `geometry_problems` tells
         if lower < -_EDGE * scene.spacing:
             message = f"reaches to x = {lower:g}; rings have x > 0, the radius: give a half of the section"
             yield Problem(("bodies", k, "shape"), message)
