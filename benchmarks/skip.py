@@ -21,6 +21,7 @@ from mpi4py import MPI
 from periporo.contact.repulsion import Repulsion
 from periporo.core.motion.integrator import first_kick
 from periporo.core.motion.pace import kick_within
+from periporo.core.motion.rebuilds import neighbours_are_stale, refuse_breaches
 from periporo.core.points.fields import StrainMeasures
 from periporo.core.scene.build import build
 from periporo.io.input.load import parse_scene
@@ -64,7 +65,7 @@ GUARDS = {  # what a step does, and what it would do instead
         lambda sim: None,
     ),
     "points that moved far, or passed an obstacle": (
-        lambda sim: (sim.neighbours_are_stale(), sim.refuse_breaches()),
+        lambda sim: (neighbours_are_stale(sim), refuse_breaches(sim)),
         lambda sim: None,
     ),
     "work of loads on faces": (

@@ -396,7 +396,7 @@ def test_a_grain_in_a_cleft_of_a_torn_body_is_not_pushed_by_new_faces():
     grain = np.flatnonzero((p.body == 1) & (abs(x - 4.5) < 0.1) & (abs(y - 16.5) < 0.1))
     p.position[grain] = [4.5 * H, 2.5 * H]
     sim.dt = 0.0
-    sim.rebuild()
+    rebuild(sim)
     sim.evaluate_forces()
     assert len(grain) == 1 and (p.face[:, 1] > 0.0).all()
     assert np.abs(p.contact_force).max() < 1e-9 * SOFT["bulk_modulus"] * H
