@@ -45,9 +45,8 @@ class VariedLaw:
 
     def part(self, rows) -> "VariedLaw":
         """The same law, bound to some of its rows."""
-        laws = np.empty(len(self._laws or ()), object)
-        laws[:] = self._laws
-        return self._of(laws[rows].tolist())
+        laws = self._laws or []
+        return self._of([laws[k] for k in np.arange(len(laws))[rows]])  # NumPy asks laws in an array if they are arrays
 
     def _of(self, laws: list[Material]) -> "VariedLaw":
         bound = VariedLaw(self.base, self.varied, self._make)
