@@ -54,6 +54,8 @@ class FlowingWater(UndrainedWater):
     has come in and left through boundaries, and what rain has run off it.
     """
 
+    stays = False
+
     def __init__(self, pores, profile, free, permeability: Permeability):
         super().__init__(pores, profile, free, permeability.gravity)
         self.permeability = permeability

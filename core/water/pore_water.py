@@ -171,6 +171,8 @@ class UndrainedWater(PoreWater):
     (present over initial volume).
     """
 
+    stays = True  # with its point, so that nothing else evens out its pressure
+
     def __init__(self, pores: Pores, profile: Profile, free: FreeWater | None, gravity: np.ndarray):
         """`gravity` (d,) m/s^2 is the scene's."""
         super().__init__(pores, profile, free)
@@ -182,7 +184,8 @@ class UndrainedWater(PoreWater):
         super().attach(sim)
         sim.particles.add_field(Field("water_content", None, "m^3", sent=False))
         sim.particles.add_field(Field("pore_dilation", None, "1", sent=False))
-        self.smooths = "flow" in sim.particles.fields and any(b.opening is not None for b in sim.bonds.blocks)
+        flows = "flow" in sim.particles.fields and any(b.opening is not None for b in sim.bonds.blocks)
+        self.smooths = self.stays and flows
         if self.smooths:
             sim.particles.add_field(smoothing.FIELD)
         for block in sim.bonds.blocks:

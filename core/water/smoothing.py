@@ -1,4 +1,5 @@
-"""Smooth pore pressure where saturated soil flows; nothing of it acts where soil is elastic.
+"""Smooth pore pressure where saturated soil flows; nothing of it acts where soil is elastic,
+or pores have air, which is soft.
 
 Between points that pass each other the volume is noise (`periporo.core.correspondence.regularity`), which nearly
 incompressible water multiplies by K_w/phi. So points exchange water with their neighbours, as they exchange stress: in
@@ -18,7 +19,7 @@ FIELD = Field("smoothing", 3, "Pa, m^3/Pa, 1", migrates=False)  # p, what its ri
 
 def describe(p, pore_stiffness, dt: float) -> None:
     """Fill `smoothing` of the owned points, whose water adds `pore_stiffness` (owned,) Pa to the soil's."""
-    _describe(p.owned, dt, pore_stiffness, p.pore_pressure, p.porosity, p.pore_dilation, p.volume, p.mass, p.flow,
+    _describe(p.owned, dt, pore_stiffness, p.pore_pressure, p.saturation, p.pore_dilation, p.volume, p.mass, p.flow,
               p.smoothing)  # fmt: skip
 
 
@@ -29,11 +30,11 @@ def exchange(p, pairs, weight, gained) -> None:
 
 
 @kernel
-def _describe(owned, dt, stiffness, pressure, porosity, dilation, volume, mass, flow, smoothing):
+def _describe(owned, dt, stiffness, pressure, saturation, dilation, volume, mass, flow, smoothing):
     for i in range(owned):
         smoothing[i, 0] = pressure[i]
         size = volume[i] * dilation[i]
-        active = stiffness[i] > 0.0 and flow[i, SIZE] > 0.0
+        active = saturation[i] >= 1.0 and stiffness[i] > 0.0 and flow[i, SIZE] > 0.0
         smoothing[i, 1] = size / stiffness[i] if active else 0.0
         speed = (stiffness[i] * size / mass[i]) ** 0.5
         courant = dt * speed / flow[i, SIZE] if active else 0.0
