@@ -1,7 +1,7 @@
 """V15: a block on an incline and on the level, Coulomb friction.
 
-The contact is damped along its normal: an undamped elastic block that slides takes up ever more vibration from
-friction, which is real but hides the closed form.
+The contact is damped along its normal: an elastic block that slides on a rigid plane takes up ever more vibration from
+friction (Adams 1995), until parts of its face swing back and are not braked, which is real but hides the closed form.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ def _block(friction, slope, speed, scheme, spacing, **stages):
     gravity = [GRAVITY * np.sin(slope), -GRAVITY * np.cos(slope)]
     sim = simulation(
         spacing, box([0.0, 0.0], [0.08, 0.04]), scheme=scheme, gravity=gravity,
-        contacts=[{"type": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "friction": friction, "damping": 0.2}],
+        contacts=[{"type": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "friction": friction, "damping": 0.5}],
         **stages,
     )  # fmt: skip
     sim.particles.velocity[:, 0] = speed
