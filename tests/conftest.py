@@ -24,7 +24,7 @@ ELASTIC = {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_m
 SOFT = {"model": "elastic", "density": 2100.0, "bulk_modulus": 10e6, "shear_modulus": 4e6}
 # Ranks and other tests share the cores: MPICH waits busily, so let it sleep; Open MPI refuses many ranks, so allow it
 PATIENT = {"MPIR_CVAR_ENABLE_HEAVY_YIELD": "1", "OMPI_MCA_rmaps_base_oversubscribe": "1"}
-LONGEST = ("mpi/test_mpi.py", "materials/test_testing.py", "verification/test_cases.py", "mpi/test_checkpoint.py")
+LONGEST = ("verification/test_cases.py", "materials/test_testing.py", "mpi/test_checkpoint.py", "mpi/test_mpi.py")
 CAM_CLAY = {
     "model": "cam_clay", "grain_density": 2200.0, "porosity": 0.2, "bulk_modulus": 25e6, "shear_modulus": 15e6,
     "critical_state_slope": 1.1, "compression_index": 0.12, "swelling_index": 0.04, "viscosity": 1000.0,
