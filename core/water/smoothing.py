@@ -1,5 +1,4 @@
-"""Smooth pore pressure where saturated soil flows; nothing of it acts where soil is elastic,
-or pores have air, which is soft.
+"""Smooth pore pressure where saturated soil flows: not where it is elastic, or where pores have air, which is soft.
 
 Between points that pass each other the volume is noise (`periporo.core.correspondence.regularity`), which nearly
 incompressible water multiplies by K_w/phi. So points exchange water with their neighbours, as they exchange stress: in
