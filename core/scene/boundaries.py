@@ -5,6 +5,7 @@ import numpy as np
 from periporo.core.loads.absorbing import Absorbing
 from periporo.core.loads.boundary import DisplacementHistory, PrescribedMotion, Traction, VelocityHistory
 from periporo.core.loads.tied import Tied
+from periporo.core.numerics.gravity import vertical_axis
 from periporo.core.numerics.histories import AccelerationHistory, without_drift
 from periporo.core.water.boundaries import WaterBoundary
 from periporo.errors import InputError, Problem
@@ -121,8 +122,7 @@ def _tied(scene, name, axes, sites, comm):
     """Points of the same level against gravity, half a spacing up or down, in groups."""
     ids, first = np.unique(np.concatenate([i for _, i, _ in sites]), return_index=True)
     place = np.concatenate([x for *_, x in sites])[first]
-    gravity = scene.vector(scene.gravity)
-    up = int(np.argmax(np.abs(gravity))) if gravity.any() else scene.dimension - 1
+    up = vertical_axis(scene.gravity, scene.dimension)
     level = np.rint((place[:, up] - place[:, up].min()) / scene.spacing).astype(np.int64)
     chosen = ["xyz".index(a) for a in axes]
     return Tied(comm, dict.fromkeys(chosen, ids), dict.fromkeys(chosen, level), name)

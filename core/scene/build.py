@@ -244,12 +244,6 @@ def _initial_stress(scene, materials, water, lattices):
     return GeostaticStress(lattices, density, scene.vector(scene.gravity), initial.K0, initial.surface, water)
 
 
-def vertical_axis(scene) -> int:
-    """Axis along gravity, the last one without gravity."""
-    gravity = scene.vector(scene.gravity)
-    return int(np.argmax(np.abs(gravity))) if gravity.any() else scene.dimension - 1
-
-
 def output_names(scene, sim) -> tuple[str, ...]:
     """Names of the fields that the scene writes. Raises InputError if it does not have one."""
     known = fields.available(sim)

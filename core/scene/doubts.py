@@ -4,8 +4,8 @@ import numpy as np
 
 from periporo.core.motion.timestep import highest_frequency
 from periporo.core.numerics import jit
+from periporo.core.numerics.gravity import vertical_axis
 from periporo.core.ranks.reductions import maximum, minimum
-from periporo.core.scene.build import vertical_axis
 
 _SOFT = 0.05  # weight over bulk modulus
 _TIGHTEST, _COARSEST = 1e-13, 1e-7  # conductivity of clay, m/s, and permeability of gravel, m^2
@@ -84,7 +84,7 @@ def _too_soft(sim, scene) -> list[str]:
 def _weight_above(sim, scene) -> np.ndarray:
     """Weight per area (owned,) Pa of the points above each one and of half of itself, in columns a spacing wide."""
     p, n, h = sim.particles, sim.particles.owned, sim.spacing
-    axis = vertical_axis(scene)
+    axis = vertical_axis(scene.gravity, scene.dimension)
     down = float(scene.vector(scene.gravity)[axis])
     level = -np.sign(down) * p.position[:n, axis]
     columns = np.floor(np.delete(p.position[:n], axis, axis=1) / h).astype(np.int64)

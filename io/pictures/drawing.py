@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from periporo.core.numerics import cells, tensors
+from periporo.core.numerics.gravity import vertical_axis
 from periporo.io.output.results import ResultError
 
 DEFAULT_FIELD = "equivalent_shear_strain"
@@ -40,14 +41,6 @@ def point_spacing(results):
     sample = position[:: max(1, len(position) // 50)]
     squared = [np.partition(np.sum((position - x) ** 2, axis=1), 1)[1] for x in sample]
     return float(np.sqrt(np.median(squared)))
-
-
-def vertical_axis(results):
-    """Index of the axis against which gravity pulls most, so that down is down; without it y in 2D, z in 3D."""
-    gravity = results.configuration.get("gravity")
-    if isinstance(gravity, list) and len(gravity) == results.dimension and any(gravity):
-        return int(np.argmin(gravity) if min(gravity) < 0.0 else np.argmax(gravity))
-    return results.dimension - 1
 
 
 def choose_field(results, name=None):
@@ -122,7 +115,7 @@ class View:
 
 def views(results):
     """The views to draw: one in two dimensions, front and top in three."""
-    up = vertical_axis(results)
+    up = vertical_axis(results.configuration.get("gravity"), results.dimension)
     if results.dimension == 2:
         return [View(1 - up, up)]
     across = 0 if up != 0 else 1

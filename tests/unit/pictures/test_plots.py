@@ -2,7 +2,6 @@
 
 import argparse
 import json
-from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -35,15 +34,6 @@ def test_spacing_is_configured_or_measured(tmp_path, heap, dimension):
         path = heap(tmp_path / f"{configuration}.h5", dimension=dimension, configuration=configuration)
         with open_results(path) as results:
             assert drawing.point_spacing(results) == pytest.approx(0.1, rel=1e-12)
-            assert drawing.vertical_axis(results) == dimension - 1
-
-
-@pytest.mark.parametrize(
-    ("gravity", "axis"), [([0, -9.8], 1), ([-9.8, 0], 0), ([6.9, -6.9], 1), ([8, -5], 1), ([3, 0], 0)]
-)
-def test_down_is_down_in_a_picture(gravity, axis):
-    """A chute runs along x, and gravity may pull along it as well: y is up all the same."""
-    assert drawing.vertical_axis(SimpleNamespace(dimension=2, configuration={"gravity": gravity})) == axis
 
 
 def test_outline_of_cells():

@@ -5,8 +5,7 @@ import pytest
 
 from periporo.core.loads.boundary import Gravity, PrescribedMotion, ViscousDamping
 from periporo.core.motion.stages import DynamicsStage, RelaxStage
-from periporo.core.scene.build import SCHEMES, vertical_axis
-from periporo.io.input.load import parse_scene
+from periporo.core.scene.build import SCHEMES
 
 
 @pytest.mark.parametrize("dimension, counts", [(2, (10, 8)), (3, (5, 4, 3))])
@@ -77,15 +76,6 @@ def test_time_step_options(scene_of, started):
     half, full = (started(scene_of(time_step={"safety": s})).dt for s in (0.4, 0.8))
     assert full == pytest.approx(2 * half, rel=1e-12)
     assert started(scene_of(time_step={"update": 3})).time_step.interval == 3
-
-
-@pytest.mark.parametrize("gravity, axis", [([0, -9.81], 1), ([9.81, 1.0], 0), ([0.0, 0.0], 1), (None, 1)])
-def test_vertical_axis(scene_of, gravity, axis):
-    scene = scene_of()
-    scene["gravity"] = gravity
-    if gravity is None:
-        del scene["gravity"]
-    assert vertical_axis(parse_scene(scene)) == axis
 
 
 def test_uniform_initial_stress_is_in_equilibrium_inside(scene_of, started):
