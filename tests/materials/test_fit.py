@@ -110,7 +110,7 @@ def test_values_at_failure_from_an_ags_file(tmp_path):
         ({"parameters": {"match": None}}, "no number of this name"),
         ({"parameters": {"cohesion": {"start": -1.0}}}, "not between 0 and"),
         ({"parameters": {"density": None}}, "nothing that is compared depends on it"),
-        ({"compare": ["u"]}, "has\\s+no\\s+column 'u'"),
+        ({"compare": ["u"]}, "has\\s+no\\s+column\\s+'u'"),
         ({"measured": "no.csv"}, "cannot be read"),
     ],
 )
