@@ -19,6 +19,7 @@ from periporo.materials.elastic import Elastic
 from periporo.materials.granular_mu_i import GranularMuI
 from periporo.materials.hypoplastic_sand import HypoplasticSand
 from periporo.materials.mohr_coulomb import MohrCoulomb
+from periporo.materials.norsand import NorSand
 from periporo.materials.tables import StrainTable
 from periporo.materials.umat import Umat
 
@@ -93,11 +94,12 @@ def main(words=None):
         "mohr_coulomb, soft": softening(),
         "granular_mu_i": GranularMuI.example(),
         "hypoplastic_sand": HypoplasticSand.example(),
+        "norsand": NorSand.example(),
         "cam_clay, eta = 0": clay.model_copy(update={"viscosity": 0.0}),
         "cam_clay, eta = 1e3": clay,
         "cam_clay, eta = 1e8": clay.model_copy(update={"viscosity": 1e8}),
     }
-    for name in ("elastic", "drucker_prager", "mohr_coulomb", "cam_clay, eta = 1e3", "hypoplastic_sand"):
+    for name in ("elastic", "drucker_prager", "mohr_coulomb", "cam_clay, eta = 1e3", "norsand", "hypoplastic_sand"):
         laws[f"{name}, varied"] = varied(laws[name], count)
     with tempfile.TemporaryDirectory() as folder:
         if shutil.which("cc"):
