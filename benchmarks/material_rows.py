@@ -13,12 +13,14 @@ import numpy as np
 
 from periporo.core.numerics.tensors import equivalent_shear
 from periporo.core.points.varied import VariedLaw
+from periporo.materials.arena import Arena
 from periporo.materials.cam_clay import CamClay
 from periporo.materials.drucker_prager import DruckerPrager
 from periporo.materials.elastic import Elastic
 from periporo.materials.granular_mu_i import GranularMuI
 from periporo.materials.hypoplastic_sand import HypoplasticSand
 from periporo.materials.mohr_coulomb import MohrCoulomb
+from periporo.materials.norsand import NorSand
 from periporo.materials.tables import StrainTable
 from periporo.materials.umat import Umat
 
@@ -50,7 +52,7 @@ def softening():
 
 def varied(law, count):
     """The law with another stiffness in each row."""
-    name = "shear_modulus" if hasattr(law, "shear_modulus") else "hardness"
+    name = next(n for n in ("shear_modulus", "hardness", "G0") if hasattr(law, n))
     values = getattr(law, name) * np.linspace(0.9, 1.1, count)[:, None]
     return VariedLaw(law, (name,), lambda own: law.model_copy(update={name: own[0]})).for_rows(values)
 
@@ -93,11 +95,14 @@ def main(words=None):
         "mohr_coulomb, soft": softening(),
         "granular_mu_i": GranularMuI.example(),
         "hypoplastic_sand": HypoplasticSand.example(),
+        "norsand": NorSand.example(),
         "cam_clay, eta = 0": clay.model_copy(update={"viscosity": 0.0}),
         "cam_clay, eta = 1e3": clay,
         "cam_clay, eta = 1e8": clay.model_copy(update={"viscosity": 1e8}),
     }
-    for name in ("elastic", "drucker_prager", "mohr_coulomb", "cam_clay, eta = 1e3", "hypoplastic_sand"):
+    laws["arena"] = Arena()
+    varying = ("elastic", "drucker_prager", "mohr_coulomb", "granular_mu_i", "cam_clay, eta = 1e3", "norsand")
+    for name in (*varying, "hypoplastic_sand", "arena"):
         laws[f"{name}, varied"] = varied(laws[name], count)
     with tempfile.TemporaryDirectory() as folder:
         if shutil.which("cc"):

@@ -13,7 +13,14 @@ from pydantic import Field, model_validator
 from periporo.core.numerics.tensors import dimension_of
 from periporo.core.points.material import OPENED, StateField, StepRefused, state_column, state_columns
 from periporo.materials.base import MaterialParameters, units
-from periporo.materials.umat_call import NOT_GIVEN, Arguments, advance, fill_moduli, initial_variables
+from periporo.materials.umat_call import (
+    NOT_GIVEN,
+    Arguments,
+    advance,
+    fill_moduli,
+    initial_variables,
+    order_of_variables,
+)
 
 _PRESSURE, _DENSITY = units("Pa", "kg/m^3")
 _STRAIN = StateField("strain", "1", kind="tensor")
@@ -33,8 +40,9 @@ _Words = Annotated[tuple[Literal["strain", "time", "length"], ...], Field(strict
 class Umat(MaterialParameters):
     """A law in a shared library with Abaqus' interface UMAT.
 
-    Components and shear are passed as Abaqus does. Stress arrives turned to the end of the step, so DROT is the
-    identity; state variables are not turned. What the program does not know is NaN, and a law that reads it is refused.
+    Components and shear are passed as Abaqus does. Stress arrives turned to the end of the step, as do state variables
+    that are tensors, so DROT is the identity. What the program does not know is NaN, and a law that reads it is
+    refused.
     """
 
     density: float = Field(gt=0, description="dry bulk density", json_schema_extra=_DENSITY)
@@ -44,9 +52,17 @@ class Umat(MaterialParameters):
     props_count: int | None = Field(
         None, ge=0, description="how many constants the law wants, if that is to be checked"
     )
-    state_variables: int = Field(0, ge=0, le=10_000, description="NSTATV, numbers that the law remembers")
+    state_variables: int = Field(
+        0, ge=0, le=10_000, description="numbers and tensors that the law remembers in STATEV; a tensor counts once"
+    )
+    tensors: tuple[_Place, ...] = Field(
+        (), strict=False, description="which of them, from 1, are tensors as stress, which turn with the soil"
+    )
+    strain_tensors: tuple[_Place, ...] = Field(
+        (), strict=False, description="the same, of tensors as strain, with engineering shear"
+    )
     initial_state_variables: _Numbers | None = Field(
-        None, description="their values at the start, if the library has no SDVINI; 0"
+        None, description="their values at the start, if the library has no SDVINI; 0; a tensor is isotropic"
     )
     strength_props: tuple[_Place, ...] = Field(
         (), strict=False, description="numbers, from 1, of the props that a search for a factor of safety divides"
@@ -80,6 +96,13 @@ class Umat(MaterialParameters):
         beyond = [k for k in self.strength_props if k > len(self.props)]
         if beyond:
             raise ValueError(f"strength_props name prop {beyond[0]}, but there are {len(self.props)} props")
+        tensors = (*self.tensors, *self.strain_tensors)
+        wrong = [k for k in tensors if k > self.state_variables or tensors.count(k) > 1]
+        if wrong:
+            raise ValueError(
+                f"tensors and strain_tensors name state variable {wrong[0]}; each is to be one of the "
+                f"{self.state_variables} state_variables, once"
+            )
         if (self.bulk_modulus is None) != (self.shear_modulus is None):
             raise ValueError("give bulk_modulus and shear_modulus together, or neither")
         self._find_what_it_reads()
@@ -123,8 +146,14 @@ class Umat(MaterialParameters):
                 cure = f"write reads: [{words[0]}]" if words else "the program does not know it, take another law"
                 raise ValueError(f"{self.library}: {self.symbol} reads {name}; {cure}")
 
+    @property
+    def _kinds(self) -> tuple[str, ...]:
+        """Whether each state variable is a "scalar", a "tensor" as stress, or a "strain"."""
+        tensors = dict.fromkeys(self.tensors, "tensor") | dict.fromkeys(self.strain_tensors, "strain")
+        return tuple(tensors.get(k, "scalar") for k in range(1, self.state_variables + 1))
+
     def _arguments(self, components: int) -> Arguments:
-        arguments = Arguments(components, self.state_variables, self.props)
+        arguments = Arguments(components, len(self._order(components)[0]), self.props)
         for word, (name, _) in _WORDS.items():
             if word not in self.reads:
                 arguments.set(name, np.nan)
@@ -133,7 +162,10 @@ class Umat(MaterialParameters):
     @property
     def state_fields(self) -> tuple[StateField, ...]:
         """The law's own variables, and what is kept for it."""
-        fields = [StateField(f"state_{k + 1}", "1") for k in range(self.state_variables)]
+        fields = [
+            StateField(f"state_{k}", "1", kind="scalar" if kind == "scalar" else "tensor")
+            for k, kind in enumerate(self._kinds, 1)
+        ]
         fields += [field for word, (_, field) in _WORDS.items() if word in self.reads]
         fields += [OPENED] if self.largest_mean_stress is not None else []
         return (*fields, *([_DISSIPATION] if self.report_dissipation else []))
@@ -144,6 +176,9 @@ class Umat(MaterialParameters):
         limit = self.largest_mean_stress
         return None if limit is None else lambda stress, state: np.full(len(stress), limit)
 
+    def _order(self, components: int) -> tuple[np.ndarray, np.ndarray]:
+        return order_of_variables(self._kinds, components)
+
     def _columns(self, components: int) -> tuple[int, ...]:
         found = (state_column(self, f.name, components) for f in (_STRAIN, _TIME, _LENGTH, _DISSIPATION))
         return tuple(-1 if column is None else column for column in found)
@@ -152,11 +187,14 @@ class Umat(MaterialParameters):
         """What SDVINI says, or the values of the input, or zeros; the length is that of a row's cube or square."""
         components = stress.shape[1]
         state = np.zeros((len(stress), state_columns(self, components)))
+        places, factors = self._order(components)
         if self.initial_state_variables is not None:
-            state[:, : self.state_variables] = self.initial_state_variables
-        elif self.state_variables and (start := _find_optional(os.path.abspath(self.library), "sdvini")):
+            isotropic = np.arange(components) < 3
+            pairs = zip(self._kinds, self.initial_state_variables, strict=True)
+            state[:, : len(places)] = np.hstack([v if kind == "scalar" else v * isotropic for kind, v in pairs])
+        elif len(places) and (start := _find_optional(os.path.abspath(self.library), "sdvini")):
             for row in range(len(stress)):
-                state[row, : self.state_variables] = initial_variables(start, self.state_variables)
+                state[row, : len(places)] = initial_variables(start, len(places))[places] / factors
         length = self._columns(components)[2]
         if length >= 0:
             state[:, length] = volume ** (1.0 / dimension_of(stress))
@@ -174,8 +212,8 @@ class Umat(MaterialParameters):
 
     def _take(self, arguments, stress, strain_increment, state, dt, refused):
         advance(
-            self._address, arguments.pointers, arguments.numbers, stress, strain_increment, state, self.state_variables,
-            self._columns(stress.shape[1]), dt, refused,
+            self._address, arguments.pointers, arguments.numbers, stress, strain_increment, state,
+            self._order(stress.shape[1]), self._columns(stress.shape[1]), dt, refused,
         )  # fmt: skip
 
     def elastic_moduli(self, stress, state):
@@ -185,7 +223,7 @@ class Umat(MaterialParameters):
             return np.full(n, self.bulk_modulus), np.full(n, self.shear_modulus)
         bulk, shear, arguments = np.empty(n), np.empty(n), self._arguments(stress.shape[1])
         fill_moduli(
-            self._address, arguments.pointers, arguments.numbers, stress, state, self.state_variables,
+            self._address, arguments.pointers, arguments.numbers, stress, state, self._order(stress.shape[1]),
             self._columns(stress.shape[1]), bulk, shear,
         )  # fmt: skip
         return bulk, shear

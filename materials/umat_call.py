@@ -1,6 +1,7 @@
 """Calls of a user material with Abaqus' interface: its arguments in one buffer, and the compiled loop over rows."""
 
 import ctypes
+import functools
 
 import numpy as np
 from llvmlite import ir
@@ -87,9 +88,25 @@ def _call(typingctx, address, pointers):
     return types.void(types.int64, pointers), codegen
 
 
+@functools.cache
+def order_of_variables(kinds: tuple[str, ...], components: int) -> tuple[np.ndarray, np.ndarray]:
+    """Place in STATEV and factor of each of the first columns of the state, which are "scalar", "tensor" or "strain".
+
+    Tensors have as many components as a stress, in Abaqus' order, a "strain" with engineering shear.
+    """
+    places: list[int] = []
+    factors: list[float] = []
+    for kind in kinds:
+        start = len(places)
+        width = 1 if kind == "scalar" else components
+        places += [start + (9 - c if c > 3 else c) for c in range(width)]
+        factors += [2.0 if kind == "strain" and c > 2 else 1.0 for c in range(width)]
+    return np.array(places, np.int64), np.array(factors)
+
+
 @kernel
-def advance(address, pointers, numbers, stress, strain_increment, state, variables, columns, dt, refused):
-    """Advance all rows by the law at `address`, whose `variables` stand first in the state.
+def advance(address, pointers, numbers, stress, strain_increment, state, order, columns, dt, refused):
+    """Advance all rows by the law at `address`, whose variables, in their `order`, stand first in the state.
 
     `columns` are those of total strain, time, length and dissipation, -1 where the state lacks one. A step that the law
     wants shorter (PNEWDT < 1) is divided; `refused` (n,) tells where that does not help.
@@ -99,7 +116,7 @@ def advance(address, pointers, numbers, stress, strain_increment, state, variabl
         refused[b] = False
         parts, done, lost = 1, False, 0.0
         while not done and parts <= _MOST_PARTS:
-            _load(numbers, stress, state, b, variables, columns)
+            _load(numbers, stress, state, b, order, columns)
             lost, done = 0.0, True
             for _ in range(parts):
                 _increase(numbers, strain_increment, b, n, dt, parts)
@@ -117,7 +134,7 @@ def advance(address, pointers, numbers, stress, strain_increment, state, variabl
         if not done:
             refused[b] = True
             continue
-        _store(numbers, stress, state, b, variables, columns, lost)
+        _store(numbers, stress, state, b, order, columns, lost)
 
 
 @inlined
@@ -127,14 +144,15 @@ def _place(c):
 
 
 @inlined
-def _load(numbers, stress, state, b, variables, columns):
+def _load(numbers, stress, state, b, order, columns):
     strain, time, length, _ = columns
     for c in range(stress.shape[1]):
         numbers[_STRESS + _place(c)] = stress[b, c]
         if strain >= 0:
             numbers[_STRAN + _place(c)] = state[b, strain + c] * (1.0 if c < 3 else 2.0)
-    for v in range(variables):
-        numbers[STATEV + v] = state[b, v]
+    places, factors = order
+    for v in range(len(places)):
+        numbers[STATEV + places[v]] = factors[v] * state[b, v]
     if time >= 0:
         numbers[_TIME] = numbers[_TIME + 1] = state[b, time]
     if length >= 0:
@@ -151,14 +169,15 @@ def _increase(numbers, strain_increment, b, n, dt, parts):
 
 
 @inlined
-def _store(numbers, stress, state, b, variables, columns, lost):
+def _store(numbers, stress, state, b, order, columns, lost):
     strain, time, _, dissipation = columns
     for c in range(stress.shape[1]):
         stress[b, c] = numbers[_STRESS + _place(c)]
         if strain >= 0:
             state[b, strain + c] = numbers[_STRAN + _place(c)] * (1.0 if c < 3 else 0.5)
-    for v in range(variables):
-        state[b, v] = numbers[STATEV + v]
+    places, factors = order
+    for v in range(len(places)):
+        state[b, v] = numbers[STATEV + places[v]] / factors[v]
     if time >= 0:
         state[b, time] = numbers[_TIME]
     if dissipation >= 0:
@@ -166,11 +185,11 @@ def _store(numbers, stress, state, b, variables, columns, lost):
 
 
 @kernel
-def fill_moduli(address, pointers, numbers, stress, state, variables, columns, bulk, shear):
+def fill_moduli(address, pointers, numbers, stress, state, order, columns, bulk, shear):
     """Fill bulk and shear modulus (n,) Pa from DDSDDE where nothing is strained; the stiffest of the shears counts."""
     n = stress.shape[1]
     for b in range(stress.shape[0]):
-        _load(numbers, stress, state, b, variables, columns)
+        _load(numbers, stress, state, b, order, columns)
         for c in range(n):
             numbers[_DSTRAN + c] = 0.0
         numbers[_DTIME], numbers[_PNEWDT] = _SHORT, 1.0

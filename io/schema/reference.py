@@ -30,7 +30,9 @@ _PAGES = {
     "solids": ("solid obstacles", ()),
     "stages": ("stages", ("stages",)),
     "materials": ("materials", ("materials",)),
+    "arena": ("the law `arena`", ()),
 }
+_APART = "arena"  # a law with more keys than all others, which has a page
 
 
 _FIELD = "periporo:field"
@@ -108,6 +110,7 @@ def _definitions() -> dict[str, list[str]]:
         pages["solids"] += [name for name in fresh if _is_solid(name)]
         found |= set(fresh)
     pages["materials"].append("MaterialInput")
+    pages[_APART].append(_APART)
     return pages
 
 
@@ -126,6 +129,8 @@ def _text(names: list[str], page_of: dict[str, str] | None = None) -> str:
             parts.append(f"## The scene\n\n{_table(parameters_of(schema), page_of)}")
         elif name == "MaterialInput":
             parts.append(_laws(page_of))
+        elif name == _APART:
+            parts.append(_law(name, law_schema(registry.load(name)), page_of))
         else:
             parts.append(_section(name, schema["$defs"][name], page_of))
     return "\n".join(parts)
@@ -140,16 +145,23 @@ def _laws(page_of: dict[str, str]) -> str:
     """The section on the keys of the built-in laws, and those on what these refer to."""
     parts = ["## Materials\n", "An entry of `materials` has the key `model` and those of the law that it names.\n"]
     parts.append("Any number may be a mapping with the key `field`: [soil that varies](../../how-to/fields.md).\n")
+    if _APART in page_of:
+        parts.append(f"Those of `{_APART}` have [a page]({page_of[_APART]}) of their own.\n")
     definitions: dict[str, Any] = {}
     for name in sorted(registry.available()):
         law = registry.load(name)
-        if law.__module__.startswith("periporo."):
+        if name != _APART and law.__module__.startswith("periporo."):
             node = law_schema(law)
             definitions |= node.get("$defs", {})
-            description = _wrapped(node.get("description", "").split("\n\n")[0])
-            parts += [f"### `model: {name}`\n", f"{description}\n", _table(parameters_of(node), page_of)]
+            parts.append(_law(name, node, page_of))
     parts += [_section(name, node, page_of) for name, node in sorted(definitions.items())]
     return "\n".join(parts)
+
+
+def _law(name: str, node: dict[str, Any], page_of: dict[str, str]) -> str:
+    """The section on the keys of a law with the schema `node`."""
+    description = _wrapped(node.get("description", "").split("\n\n")[0])
+    return f"### `model: {name}`\n\n{description}\n\n{_table(parameters_of(node), page_of)}"
 
 
 def _order(names: tuple[str, ...], schema: dict[str, Any]) -> list[str]:

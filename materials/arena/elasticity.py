@@ -124,3 +124,11 @@ def fill_moduli(elasticity, pores, i1, p, evp, content, bulk, shear):
         fluid = pore_fluid(c, p[b], evp[b], content[b])
         effective, shear[b], _, rise = moduli(m, c, fluid, i1[b], p[b], evp[b], True)
         bulk[b] = effective + rise
+
+
+@kernel
+def fill_each_moduli(elasticity, pores, i1, p, evp, content, bulk, shear):
+    """`fill_moduli` where rows have constants of their own, (n, ...) arrays."""
+    for b in range(i1.shape[0]):
+        own = slice(b, b + 1)
+        fill_moduli(elasticity[b], pores[b], i1[own], p[own], evp[own], content[own], bulk[own], shear[own])

@@ -283,3 +283,17 @@ def update_rows(constants, columns, stress, increment, state, dt):
     left = np.empty(len(stress), np.int64)
     found = _advance_elastic(*constants, columns, stress, increment, state, dt, left)
     return _advance_plastic(*constants, columns, stress, increment, state, dt, left[:found])
+
+
+@kernel
+def update_each(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt, failed):
+    """`update_rows` where rows have constants of their own, (n, ...) arrays; `failed` (n,) tells whose update fails."""
+    left = np.empty(1, np.int64)
+    for b in range(stress.shape[0]):
+        own = slice(b, b + 1)
+        e, c, y, s, k = elasticity[b], pores[b], surface[b], strengths[b], controls[b]
+        found = _advance_elastic(e, c, y, s, k, columns, stress[own], increment[own], state[own], dt, left)
+        failed[b] = False
+        if found > 0:
+            gone = _advance_plastic(e, c, y, s, k, columns, stress[own], increment[own], state[own], dt, left)
+            failed[b] = len(gone) > 0

@@ -9,6 +9,7 @@ from periporo.materials.arena import Arena
 from periporo.materials.cam_clay import CamClay
 from periporo.materials.drucker_prager import DruckerPrager
 from periporo.materials.elastic import Elastic
+from periporo.materials.norsand import NorSand
 from periporo.materials.testing import check_material
 
 LAWS = sorted(name for name in registry.available() if hasattr(registry.load(name), "example"))
@@ -24,6 +25,9 @@ VARIANTS = {
     "slow": CamClay.example().model_copy(update={"viscosity": 1e9}),
     "undrained": DruckerPrager.example().model_copy(update={"friction_angle": 0.0, "dilation_angle": 0.0}),
     "critical": DruckerPrager.example().model_copy(update={"largest_dilation": 0.01, "report_dissipation": True}),
+    "liquefying": NorSand.example().model_copy(
+        update={"initial_state_parameter": 0.1, "pressure_exponent": 1.0, "report_dissipation": True}
+    ),
     "associated": DruckerPrager.example().model_copy(
         update={"dilation_angle": 35.0, "report_dissipation": True}
     ),
@@ -48,7 +52,7 @@ def test_variants_of_the_soils_conform(name, dimension):
 
 def test_all_built_in_laws_are_covered():
     laws = {"arena", "elastic", "cam_clay", "drucker_prager", "granular_mu_i", "hypoplastic_sand", "mohr_coulomb"}
-    assert laws <= set(LAWS)
+    assert laws | {"norsand"} <= set(LAWS)
 
 
 def test_elastic_cycle_returns_its_work():

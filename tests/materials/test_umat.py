@@ -12,6 +12,7 @@ import periporo
 from periporo.materials import StepRefused, check_material
 from periporo.materials.drucker_prager import DruckerPrager
 from periporo.materials.elastic import Elastic
+from periporo.materials.testing import FrameError
 from periporo.materials.umat import UTILITIES, Umat
 
 SOURCES = Path(__file__).parent / "data" / "umat"
@@ -54,9 +55,10 @@ def soil(compiled, **changes):
     return Umat(**(parameters | changes))
 
 
-def nosy(compiled, number, longest=1.0, **changes):
+def nosy(compiled, number, longest=1.0, state_variables=3, **changes):
     library = compiled("cc", SOURCES / "nosy.c", UTILITIES)
-    return Umat(density=1700.0, library=library, props=[K, MU, number, longest], state_variables=3, **changes)
+    props = [K, MU, number, longest]
+    return Umat(density=1700.0, library=library, props=props, state_variables=state_variables, **changes)
 
 
 def random_rows(components, n=500, seed=3):
@@ -142,6 +144,22 @@ def test_what_a_law_reads_is_given_or_refused(compiled):
 
 
 @needs_c
+@pytest.mark.parametrize("number, key", [(5, "strain_tensors"), (6, "tensors")])
+def test_tensors_among_the_state_variables_are_turned(compiled, number, key):
+    """Strain that the law adds up behind a number; the kit turns the axes."""
+    law = nosy(compiled, number, state_variables=2, initial_state_variables=[3.0, 0.5], **{key: [2]})
+    for components in (4, 6):
+        stress, increment = random_rows(components, 3)
+        state = law.initial_state(stress, np.zeros((3, 2), int), np.ones(3))
+        law.compute_stress(stress, increment, state, 1.0)
+        expected = increment + 0.5 * (np.arange(components) < 3)
+        np.testing.assert_allclose(state, np.hstack([np.full((3, 1), 3.0), expected]), rtol=1e-13)
+        check_material(law, 2 if components == 4 else 3)
+    with pytest.raises(FrameError):
+        check_material(nosy(compiled, number, state_variables=7), 3)
+
+
+@needs_c
 def test_a_law_that_wants_shorter_steps_gets_them_up_to_a_limit(compiled):
     law, stress = nosy(compiled, 0, longest=1e-3), np.zeros((2, 4))
     state = law.initial_state(stress, np.zeros((2, 2), int), np.ones(2))
@@ -185,6 +203,7 @@ def test_what_does_not_suit_is_refused(compiled, tmp_path):
         ({"initial_state_variables": [1.0, 2.0]}, "must be 1 numbers"),
         ({"bulk_modulus": 1e6}, "together"),
         ({"strength_props": [6]}, "name prop 6, but there are 5"),
+        ({"tensors": [1], "strain_tensors": [1]}, "name state variable 1; each"),
         ({"props": [np.inf, MU, 0.1, 1.0, 0.0]}, "finite"),
     )
     for change, message in cases:

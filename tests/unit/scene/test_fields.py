@@ -16,8 +16,10 @@ from periporo.materials.arena import Arena
 from periporo.materials.cam_clay import CamClay
 from periporo.materials.drucker_prager import DruckerPrager
 from periporo.materials.elastic import Elastic
+from periporo.materials.granular_mu_i import GranularMuI
 from periporo.materials.hypoplastic_sand import HypoplasticSand
 from periporo.materials.mohr_coulomb import MohrCoulomb
+from periporo.materials.norsand import NorSand
 
 SAND = {"model": "drucker_prager", "density": 1600.0, "bulk_modulus": 2e6, "shear_modulus": 1e6,
         "friction_angle": 20.0, "cohesion": 500.0}  # fmt: skip
@@ -105,6 +107,8 @@ LAWS = [
     (CamClay.example().model_copy(update={"bulk_modulus": None, "shear_modulus": None, "poisson_ratio": 0.3}),
      {"poisson_ratio": (0.1, 0.4), "swelling_index": (0.02, 0.06)}),
     (HypoplasticSand.example(), {"initial_void_ratio": (0.6, 0.9), "hardness": (5e8, 2e9)}),
+    (GranularMuI.example(), {"static_friction": (0.3, 0.4), "grain_diameter": (1e-4, 1e-3)}),
+    (NorSand.example(), {"initial_state_parameter": (-0.2, 0.1), "critical_state_slope": (1.1, 1.4)}),
     (MohrCoulomb.example(), {"cohesion": (1e2, 1e4), "friction_angle": (20.0, 40.0)}),
     (MohrCoulomb.example().model_copy(update={"sensitivity": 5.0, "remoulding_shear": 0.1}),
      {"cohesion": (1e3, 1e4), "shear_modulus": (5e6, 9e6), "sensitivity": (2.0, 10.0)}),
