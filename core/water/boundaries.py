@@ -35,11 +35,12 @@ class WaterBoundary:
         if self._found[0] is not p.id:
             self._found = p.id, np.flatnonzero(np.isin(p.id[: p.owned], self.ids, assume_unique=True))
         rows = self._found[1]
-        return rows[self._faces(p, rows)[0] > _FACE * p.volume[rows] ** (1.0 - 1.0 / p.dimension)]
+        present = p.volume[rows] * p.pore_dilation[rows]
+        return rows[self._faces(p, rows)[0] > _FACE * present ** (1.0 - 1.0 / p.dimension)]
 
     def _faces(self, p, rows):
-        """Area (n,) m^2, outward normal (n, d), and distance (n,) m of the faces."""
-        d = p.dimension
+        """Area (n,) m^2, outward normal (n, d), and distance (n,) m of the faces of the points as large as they are."""
+        d, ratio = p.dimension, p.pore_dilation[rows]
         vector, tensor = p.outer_face[rows, :d], p.outer_face[rows, d:]
         if self.side is None:
             area = np.sqrt((vector * vector).sum(axis=1))
@@ -49,7 +50,7 @@ class WaterBoundary:
         square = np.zeros(len(rows))
         for c, (a, b) in enumerate(SHAPE_PAIRS[d]):
             square += (1.0 if a == b else 2.0) * tensor[:, c] * normal[:, a] * normal[:, b]
-        return area, normal, 0.5 * square / np.where(area > 0.0, area, 1.0)
+        return ratio * area, normal, 0.5 * square / np.where(area > 0.0, area, 1.0)
 
     def conducted(self, p, rows) -> np.ndarray:
         """What the faces conduct, (n,) m^3/(Pa s)."""

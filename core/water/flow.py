@@ -16,6 +16,7 @@ from periporo.core.numerics.jit import kernel
 from periporo.core.points.particles import Field
 from periporo.core.ranks.reductions import exact_sum, maximum
 from periporo.core.water import conductance
+from periporo.core.water.flux import fluxes
 from periporo.core.water.increments import Increments
 from periporo.core.water.pore_water import UndrainedWater
 from periporo.core.water.retention import conductivity_of, saturation_of
@@ -69,11 +70,12 @@ class FlowingWater(UndrainedWater):
         sim.particles.add_field(Field("exchanged_water", 4, "m^3", sent=False))
         if self.increments is not None:
             self.increments.attach(sim)
-        weight = self.pores.density * self.permeability.gravity
+        d, weight = sim.particles.dimension, self.pores.density * self.permeability.gravity
+        self.derived = self.derived | {"flux": (d, "m/s", lambda p, n: fluxes(p, sim.bonds.pairs, self.network(p)))}
         strength = float(np.sqrt((weight**2).sum()))
         if strength > 0.0:
             head = lambda p, n: (p.pore_pressure[:n] - (p.position[:n] * weight).sum(axis=1)) / strength  # noqa: E731
-            self.derived = self.derived | {"head": ("m", head)}
+            self.derived = self.derived | {"head": (1, "m", head)}
         sim.particles.add_field(Field("flow_state", 4, "Pa, 1, m^2/(Pa s), 1", migrates=False))  # p, k_r, k/mu, J
 
     def initial_fields(self, owned) -> None:

@@ -9,9 +9,13 @@ import yaml
 
 from periporo.core.numerics.cells import Cells
 from periporo.io.output.vtkhdf_layout import COUNTS
+from periporo.io.output.water_table import water_table
 
 if TYPE_CHECKING:
     import xarray
+
+
+_WATER_DENSITY = 1000.0  # kg/m^3
 
 
 class ResultError(Exception):
@@ -118,6 +122,19 @@ class Results:
         )
         return cells.split()
 
+    def water_table(self, step: int = -1, *, time: float | None = None) -> np.ndarray:
+        """The water table: places (m, 3) m where the pressure in the pores falls to zero, one for each column of soil.
+
+        Columns are a spacing wide and upright; those without water under pressure have none. Needs `pore_pressure`.
+        """
+        axis = vertical_axis(self)
+        scene = self.configuration
+        gravity = scene.get("gravity") or [0.0] * self.dimension
+        density = (scene.get("pore_water") or {}).get("water_density", _WATER_DENSITY)
+        weight = density * float(np.linalg.norm(gravity)) or np.inf
+        pressure, place = self.field("pore_pressure", step, time=time), self.positions(step, time=time)
+        return water_table(place, pressure, scene["spacing"], axis, -1.0 if gravity[axis] > 0.0 else 1.0, weight)
+
     def ids(self, step: int = -1, *, time: float | None = None) -> np.ndarray:
         """Global ids (n,), ascending."""
         return self._rows("VTKHDF/PointData/id", self.output(step, time))
@@ -185,6 +202,14 @@ class Results:
             return self._file[name][start : start + self.point_counts[k]]
         except (OSError, RuntimeError) as error:
             raise ResultError(f"{self.path} is damaged at {name}, output {k}: {error}") from None
+
+
+def vertical_axis(results) -> int:
+    """Index of the axis against which gravity pulls most, so that down is down; without it y in 2D, z in 3D."""
+    gravity = results.configuration.get("gravity")
+    if isinstance(gravity, list) and len(gravity) == results.dimension and any(gravity):
+        return int(np.argmin(gravity) if min(gravity) < 0.0 else np.argmax(gravity))
+    return results.dimension - 1
 
 
 def _open(path: Path) -> tuple[h5py.File, BinaryIO]:

@@ -5,6 +5,7 @@ import pytest
 
 from periporo.core.motion.rebuilds import rebuild
 from periporo.core.numerics.jit import kernel
+from periporo.core.points.fields import values
 from periporo.core.water.conductance import pair_conductance
 from periporo.core.water.flow import FlowingWater
 from periporo.core.water.stages import integrate
@@ -93,6 +94,20 @@ def test_faces_of_the_surface(scene_of, started):
     assert not face[inner].any() and np.abs(face[:, :2].sum(axis=0)).max() < 1e-12
 
 
+def test_faces_follow_the_volume(scene_of, started):
+    """A block pressed to .7 of its height takes the same flux through its upper face as before."""
+    boundaries = {"top": {"where": row(0.195), "water": {"flux": SPEED, "side": "y+"}}}
+    sim = started(held(scene_of, FLOWING, boundaries, step=1e-4, counts=(12, 20)))
+    p = sim.particles
+    p.position[:, 1] *= 0.7
+    p.pore_dilation[:] = 0.7
+    rebuild(sim)
+    sim.inflows = sim.stages[0].inflows
+    before = histories(sim)["water_inflow"]
+    sim.step()
+    assert histories(sim)["water_inflow"] - before == pytest.approx(SPEED * 0.12 * sim.dt, rel=0.02)
+
+
 def test_stages_are_of_second_order():
     """On decaying modes, also those that an explicit step would blow up."""
     rates = np.array([0.3, 1.0, 40.0])
@@ -126,6 +141,8 @@ def test_steady_flow_is_darcys(scene_of, started):
     p, first = sim.particles, histories(sim)
     head = p.pore_pressure / GAMMA + p.position[:, 1]
     assert head == pytest.approx(0.1 + 0.4 * p.position[:, 1] / 0.2, rel=0.01)
+    flux = values(sim, ["flux"])["flux"]
+    assert flux[:, 1] == pytest.approx(-SPEED * 0.4 / 0.2, rel=0.02) and np.abs(flux[:, 0]).max() < 0.05 * SPEED
     for _ in range(20):
         sim.step()
     last = histories(sim)
@@ -183,6 +200,7 @@ def test_flow_through_soils_in_series(scene_of, started):
         p.position[:, 1] < 0.08, p.position[:, 1] > 0.12))  # fmt: skip
     assert lower / upper == pytest.approx(10.0, rel=0.02)
     assert lower == pytest.approx(0.4 / (0.1 + 0.01), rel=0.02)
+    assert values(sim, ["flux"])["flux"][:, 1] == pytest.approx(-SPEED * lower, rel=0.03)
 
 
 def test_what_flow_needs_is_said(scene_of, started):
