@@ -55,7 +55,8 @@ class WaterBoundary:
     def conducted(self, p, rows) -> np.ndarray:
         """What the faces conduct, (n,) m^3/(Pa s)."""
         area, _, distance = self._faces(p, rows)
-        return 0.0 * area if self.kind == FLUX else area / distance * p.flow_state[rows, 2]
+        mobility = p.flow_state[rows, 2] / p.pore_dilation[rows]
+        return 0.0 * area if self.kind == FLUX else area / distance * mobility
 
     def add(self, p, rows, time: float, water: FlowingWater, flow: np.ndarray) -> None:
         """Add what enters, leaves and runs off per second to the columns of `flow` (total, 4), m^3/s."""

@@ -21,6 +21,7 @@ from periporo.core.water.increments import Increments
 from periporo.core.water.pore_water import UndrainedWater
 from periporo.core.water.retention import conductivity_of, saturation_of
 from periporo.core.water.stages import integrate, stages_for
+from periporo.errors import WaterError
 
 _REFRESH = 20  # steps between looks at the geometry
 MOST_STAGES = 199
@@ -76,7 +77,7 @@ class FlowingWater(UndrainedWater):
         if strength > 0.0:
             head = lambda p, n: (p.pore_pressure[:n] - (p.position[:n] * weight).sum(axis=1)) / strength  # noqa: E731
             self.derived = self.derived | {"head": (1, "m", head)}
-        sim.particles.add_field(Field("flow_state", 4, "Pa, 1, m^2/(Pa s), 1", migrates=False))  # p, k_r, k/mu, J
+        sim.particles.add_field(Field("flow_state", 3, "Pa, 1, m^2/(Pa s)", migrates=False))  # p, k_r, J k/mu
 
     def initial_fields(self, owned) -> None:
         """Set what the water is at new points."""
@@ -120,9 +121,10 @@ class FlowingWater(UndrainedWater):
         net = self.network(p)
         stages = stages_for(0.5 * dt * self.fastest(p, net, np.zeros(p.owned)))
         if not stages <= MOST_STAGES:
-            raise RuntimeError(
-                f"the flow of water is too fast for the time step, which would take {stages:.0f} stages; "
-                "lower conductivity or bulk_modulus of the water, or use drained water"
+            raise WaterError(
+                f"the flow of water is too fast for the time step of {dt:.3g} s: are conductivity (m/s) and "
+                "permeability (m^2, some 1e-7 times that) in their units? Lower them or bulk_modulus, let water flow "
+                "in a quasi_static stage, or take drained water"
             )
         self.transport(p, net, self._sim.time, dt, stages, lambda gone: self._fill_pressure(p))
 
@@ -208,14 +210,14 @@ def _describe(
         if follows:
             now, then = porosity[i], initial_porosity[m]
             state[i, 2] *= (now / then) ** 3 * ((1.0 - then) / (1.0 - now)) ** 2
-        state[i, 3] = dilation[i]
+        state[i, 2] *= dilation[i]
 
 
 @kernel
 def _find_conducted(
     first, second, weight, position, volume, conduction, state, water_weight, conducted, drop, dim
 ):
-    """a kappa of full pores, and rho_w g . xi, of every pair; those of no weight stay 0."""
+    """a J kappa of full pores, J the volume ratio, and rho_w g . xi, of every pair; those of no weight stay 0."""
     for b in range(first.shape[0]):
         if weight[b] == 0.0:
             continue
@@ -223,7 +225,7 @@ def _find_conducted(
         a = conductance.pair_conductance(i, j, weight[b], position, volume, conduction, dim)
         both = state[i, 2] + state[j, 2]
         series = 2.0 * state[i, 2] * state[j, 2] / both if both > 0.0 else both
-        conducted[b] = a * series * 0.5 * (state[i, 3] + state[j, 3])
+        conducted[b] = a * series
         xi = la.difference(position, i, j, dim)
         for c in range(len(dim)):
             drop[b] += water_weight[c] * xi[c]

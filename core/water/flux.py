@@ -10,8 +10,8 @@ from periporo.core.water.conductance import pair_conductance
 def fluxes(p, pairs, net) -> np.ndarray:
     """Flux (owned, d) m/s at the points of what flows through `net` (`FlowingWater.network`); collective by that.
 
-    q_i = -(sum_j a_ij J xi (x) xi)^-1 sum_j Q_ij xi, J the mean volume ratio: exact where head falls evenly, also next
-    to a surface, and of two layers in a row what flows through both. Points without neighbours have none.
+    q_i = -(J_i sum_j a_ij xi (x) xi)^-1 sum_j Q_ij xi, J the volume ratio: exact where head falls evenly, also next to
+    a surface, and of two layers in a row what flows through both. Points without neighbours have none.
     """
     d, n = p.dimension, p.owned
     conducted, drop, _ = net
@@ -23,20 +23,20 @@ def fluxes(p, pairs, net) -> np.ndarray:
     trace = np.trace(moments[:n], axis1=1, axis2=2)
     alone = ~(np.linalg.det(moments[:n]) > 1e-9 * trace**d) & ~np.isnan(trace)
     moments[:n][alone], carried[:n][alone] = np.eye(d), 0.0
-    return -np.linalg.solve(moments[:n], carried[:n, :, None])[:, :, 0]
+    return -np.linalg.solve(moments[:n], carried[:n, :, None])[:, :, 0] / p.pore_dilation[:, None]
 
 
 @kernel
 def _sum_fluxes(
     first, second, weight, position, volume, conduction, conducted, drop, state, moments, carried, dim
 ):
-    """Sums of a J xi (x) xi and of Q xi, Q what flows towards the point."""
+    """Sums of a xi (x) xi and of Q xi, Q what flows towards the point."""
     d = len(dim)
     for b in range(first.shape[0]):
         if conducted[b] == 0.0:
             continue
         i, j = first[b], second[b]
-        a = pair_conductance(i, j, weight[b], position, volume, conduction, dim) * 0.5 * (state[i, 3] + state[j, 3])
+        a = pair_conductance(i, j, weight[b], position, volume, conduction, dim)
         xi = la.difference(position, i, j, dim)
         q = conducted[b] * 0.5 * (state[j, 1] + state[i, 1]) * (state[j, 0] - state[i, 0] - drop[b])
         for c in range(d):

@@ -108,6 +108,12 @@ class PoreWater(SceneModel):
             raise ValueError("largest_suction belongs to a water_table; leave it out, or give one")
         if self.conductivity is not None and self.permeability is not None:
             raise ValueError("give one of: conductivity in m/s, permeability in m^2")
+        largest = max(self.suction or 0.0, self.largest_suction)
+        if self.drainage != "drained" and largest >= 0.5 * self.bulk_modulus:
+            raise ValueError(
+                f"a suction of {largest:g} Pa would pull water of a bulk_modulus of {self.bulk_modulus:g} Pa apart; "
+                "give a bulk_modulus that is at least twice as large"
+            )
         if self.frozen and self.drainage != "drained":
             raise ValueError("frozen is for drained water; undrained water stays anyway: leave frozen out")
         return self

@@ -9,7 +9,7 @@ from periporo.core.points.fields import values
 from periporo.core.water.conductance import pair_conductance
 from periporo.core.water.flow import FlowingWater
 from periporo.core.water.stages import integrate
-from periporo.errors import InputError
+from periporo.errors import InputError, WaterError
 from periporo.io.input.load import parse_scene
 
 SAND = {"model": "elastic", "density": 1590.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
@@ -203,13 +203,21 @@ def test_flow_through_soils_in_series(scene_of, started):
     assert values(sim, ["flux"])["flux"][:, 1] == pytest.approx(-SPEED * lower, rel=0.03)
 
 
-def test_what_flow_needs_is_said(scene_of, started):
+def test_what_flow_needs_is_said(scene_of, started, tmp_path):
     scene = scene_of(materials=SAND, pore_water=FLOWING)
     dry = {k: v for k, v in FLOWING.items() if k != "conductivity"}
     with pytest.raises(InputError, match=r"needs a conductivity \(m/s\), or a permeability\s+\(m\^2\)"):
         started(scene | {"pore_water": dry})
     with pytest.raises(InputError, match="one of: conductivity in m/s, permeability in m"):
         parse_scene(scene | {"pore_water": FLOWING | {"permeability": 1e-9}}, ".")
+    with pytest.raises(InputError, match="would pull water of a bulk_modulus of 1000 Pa apart"):
+        parse_scene(scene | {"pore_water": FLOWING | {"suction": 500, "bulk_modulus": 1e3}}, ".")
+    with pytest.raises(WaterError, match=r"too fast for the time step .* are conductivity \(m/s\) and permeability"):
+        started(scene | {"pore_water": dry | {"permeability": 1e-5}}).step()
+    for text, words in (("0,1\n1000\n", "row 2 has 1 columns, not the 2"), ("0,.9\n1000,.5\n", "saturation must be 1")):
+        (tmp_path / "curve.csv").write_text("suction,saturation\n" + text)
+        with pytest.raises(InputError, match=words):
+            started(scene | {"pore_water": FLOWING | {"retention": {"table": "curve.csv"}}}, tmp_path)
     with pytest.raises(InputError, match="there is no material 'sol'"):
         parse_scene(scene | {"pore_water": FLOWING | {"soils": {"sol": {}}}}, ".")
     rain = {"rain": {"where": {"body": "block"}, "water": {"rain": 1e-6}}}
