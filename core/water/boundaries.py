@@ -52,10 +52,10 @@ class WaterBoundary:
             square += (1.0 if a == b else 2.0) * tensor[:, c] * normal[:, a] * normal[:, b]
         return ratio * area, normal, 0.5 * square / np.where(area > 0.0, area, 1.0)
 
-    def conducted(self, p, rows) -> np.ndarray:
+    def conducted(self, p, rows, water: FlowingWater) -> np.ndarray:
         """What the faces conduct, (n,) m^3/(Pa s)."""
-        area, _, distance = self._faces(p, rows)
-        mobility = p.flow_state[rows, 2] / p.pore_dilation[rows]
+        area, normal, distance = self._faces(p, rows)
+        mobility = p.flow_state[rows, 2] / p.pore_dilation[rows] * (normal**2 * water.permeability.factors).sum(axis=1)
         return 0.0 * area if self.kind == FLUX else area / distance * mobility
 
     def add(self, p, rows, time: float, water: FlowingWater, flow: np.ndarray) -> None:
@@ -94,4 +94,4 @@ class WaterBoundary:
         weight = water.pores.density * water.permeability.gravity
         driven = pressure - p.pore_pressure[rows] - (way * weight).sum(axis=1)
         outside = conductivities(water.curves, p.material[rows], -pressure, p.porosity[rows], p.pore_dilation[rows])
-        return self.conducted(p, rows) * driven * np.where(driven > 0.0, outside, p.flow_state[rows, 1])
+        return self.conducted(p, rows, water) * driven * np.where(driven > 0.0, outside, p.flow_state[rows, 1])

@@ -35,12 +35,14 @@ UNITS = {"water_stored": "m^3", "water_inflow": "m^3", "water_outflow": "m^3", "
 class Permeability:
     """Mobility k/mu of full pores at the start, `mobility` (materials,) m^2/(Pa s).
 
-    If it follows the porosity, then by Kozeny and Carman as phi^3/(1 - phi)^2. `gravity` (d,) m/s^2 is the scene's.
+    If it follows the porosity, then by Kozeny and Carman as phi^3/(1 - phi)^2. `gravity` (d,) m/s^2 is the scene's;
+    `factors` (d,) are those of the permeability along the axes.
     """
 
     mobility: np.ndarray
     follows_porosity: bool
     gravity: np.ndarray
+    factors: np.ndarray
 
     @property
     def direction(self) -> np.ndarray:
@@ -72,12 +74,15 @@ class FlowingWater(UndrainedWater):
         if self.increments is not None:
             self.increments.attach(sim)
         d, weight = sim.particles.dimension, self.pores.density * self.permeability.gravity
-        self.derived = self.derived | {"flux": (d, "m/s", lambda p, n: fluxes(p, sim.bonds.pairs, self.network(p)))}
+        self.derived = self.derived | {"flux": (d, "m/s", self._fluxes)}
         strength = float(np.sqrt((weight**2).sum()))
         if strength > 0.0:
             head = lambda p, n: (p.pore_pressure[:n] - (p.position[:n] * weight).sum(axis=1)) / strength  # noqa: E731
             self.derived = self.derived | {"head": (1, "m", head)}
         sim.particles.add_field(Field("flow_state", 3, "Pa, 1, m^2/(Pa s)", migrates=False))  # p, k_r, J k/mu
+
+    def _fluxes(self, p, n):
+        return fluxes(p, self._sim.bonds.pairs, self.network(p), self.permeability.factors)
 
     def initial_fields(self, owned) -> None:
         """Set what the water is at new points."""
@@ -107,7 +112,7 @@ class FlowingWater(UndrainedWater):
 
     def look_around(self, p) -> None:
         """Find what pairs conduct where the points are now."""
-        conductance.find_conduction(p, self._sim.bonds.pairs, self._sim.halo)
+        conductance.find_conduction(p, self._sim.bonds.pairs, self._sim.halo, self.permeability.factors)
 
     def histories(self) -> dict[str, float]:
         """What is stored, has come in and left, and the balance; collective."""
@@ -134,7 +139,8 @@ class FlowingWater(UndrainedWater):
         self.describe(p)
         conducted, drop = np.zeros(len(pairs.first)), np.zeros(len(pairs.first))
         _find_conducted(
-            pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.conduction, p.flow_state,
+            pairs.first, pairs.second, pairs.weight, p.position,
+            conductance.stretched(p.position, self.permeability.factors), p.volume, p.conduction, p.flow_state,
             self.pores.density * self.permeability.gravity, conducted, drop, p.dim,
         )  # fmt: skip
         return conducted, drop, [(boundary, boundary.rows(p)) for boundary in self._sim.inflows]
@@ -188,7 +194,7 @@ class FlowingWater(UndrainedWater):
         sums = np.zeros(p.total)
         _sum_conducted(pairs.first, pairs.second, conducted, p.flow_state, sums)
         for boundary, rows in inflows:
-            sums[rows] += boundary.conducted(p, rows)
+            sums[rows] += boundary.conducted(p, rows, self)
         return maximum(
             self._sim.comm,
             _largest_rate(
@@ -215,14 +221,14 @@ def _describe(
 
 @kernel
 def _find_conducted(
-    first, second, weight, position, volume, conduction, state, water_weight, conducted, drop, dim
+    first, second, weight, position, place, volume, conduction, state, water_weight, conducted, drop, dim
 ):
     """a J kappa of full pores, J the volume ratio, and rho_w g . xi, of every pair; those of no weight stay 0."""
     for b in range(first.shape[0]):
         if weight[b] == 0.0:
             continue
         i, j = first[b], second[b]
-        a = conductance.pair_conductance(i, j, weight[b], position, volume, conduction, dim)
+        a = conductance.pair_conductance(i, j, weight[b], place, volume, conduction, dim)
         both = state[i, 2] + state[j, 2]
         series = 2.0 * state[i, 2] * state[j, 2] / both if both > 0.0 else both
         conducted[b] = a * series

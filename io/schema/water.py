@@ -1,11 +1,13 @@
 """Input of the water in the pores, and outside."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import model_validator
+from pydantic import Field, Strict, model_validator
 
 from periporo.io.schema.base import Coordinate, Flag, Motion, Name, Real, SceneModel, key
 from periporo.io.schema.files import ExistingFile
+
+_Factor = Annotated[float, Strict(), Field(ge=1e-4, le=1e4)]
 
 
 class VanGenuchten(SceneModel):
@@ -90,6 +92,12 @@ class PoreWater(SceneModel):
         "hydraulic conductivity of full pores, under 9.81 m/s^2", "m/s", default=None, gt=0, le=10
     )
     permeability: Real | None = key("permeability of full pores, in place of it", "m^2", default=None, gt=0, le=1e-4)
+    anisotropy: Annotated[tuple[_Factor, ...], Field(min_length=2, max_length=3)] | None = key(
+        "permeability along the axes, which do not turn with the soil, over the one that is given; default 1 along all",
+        "1",
+        default=None,
+        vector=True,
+    )
     viscosity: Real = key("viscosity of the water", "Pa s", default=1e-3, gt=0, le=1e3)
     kozeny_carman: Flag = key("permeability follows the porosity, as phi^3/(1 - phi)^2", default=False)
     soils: dict[Name, Soil] = key("what differs in single materials, by their names", default={})

@@ -6,7 +6,7 @@ import pytest
 from periporo.core.motion.rebuilds import rebuild
 from periporo.core.numerics.jit import kernel
 from periporo.core.points.fields import values
-from periporo.core.water.conductance import pair_conductance
+from periporo.core.water.conductance import pair_conductance, stretched
 from periporo.core.water.flow import FlowingWater
 from periporo.core.water.stages import integrate
 from periporo.errors import InputError, WaterError
@@ -40,11 +40,12 @@ def _conductances(first, second, weight, position, volume, conduction, result, d
         result[b] = pair_conductance(first[b], second[b], weight[b], position, volume, conduction, dim)
 
 
-def second_moments(sim):
+def second_moments(sim, factors=None):
     """sum_j a xi (x) xi of each point over twice its volume."""
     p, pairs = sim.particles, sim.bonds.pairs
     a = np.empty(len(pairs.first))
-    _conductances(pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.conduction, a, p.dim)
+    place = stretched(p.position, np.ones(p.dimension) if factors is None else np.array(factors))
+    _conductances(pairs.first, pairs.second, pairs.weight, place, p.volume, p.conduction, a, p.dim)
     xi = p.position[pairs.second] - p.position[pairs.first]
     terms = a[:, None, None] * xi[:, :, None] * xi[:, None, :]
     sums = np.zeros((p.owned, p.dimension, p.dimension))
@@ -67,6 +68,41 @@ def test_conductances_are_those_of_the_continuum(dimension, counts, scene_of, st
         assert inner.sum() > 20 and (a >= 0.0).all()
         assert moments[inner].mean(axis=0) == pytest.approx(np.eye(dimension), abs=tolerance)
         assert np.abs(moments[inner] - np.eye(dimension)).max() < 10 * tolerance
+
+
+@pytest.mark.parametrize("factors", [(1.0, 0.1), (0.2, 1.0), (1.0, 0.3, 0.05)])
+def test_layered_soil_conducts_by_its_axes(factors, scene_of, started):
+    """Second moments are the tensor of the factors, none is negative, and faces are as large as they were."""
+    d = len(factors)
+    sim = started(scene_of(d, (14, 14) if d == 2 else (9, 9, 9), materials=SAND, contacts=[],
+                           pore_water=FLOWING | {"anisotropy": factors}))  # fmt: skip
+    moments, a = second_moments(sim, factors)
+    p = sim.particles
+    middle = 0.5 * (p.position.min(axis=0) + p.position.max(axis=0))
+    inner = (np.abs(p.position - middle) < (0.04 if d == 2 else 0.015)).all(axis=1)
+    assert (a >= 0.0).all() and inner.sum() >= 8
+    assert moments[inner] == pytest.approx(np.tile(np.diag(factors), (inner.sum(), 1, 1)), abs=1e-5)
+    side = p.position[:, 0] > p.position[:, 0].max() - 1e-6
+    face = np.sqrt((p.outer_face[side, :d] ** 2).sum(axis=1))
+    assert np.median(face) == pytest.approx(0.01 ** (d - 1), rel=0.05)
+
+
+def test_flow_along_and_across_layers(scene_of, started):
+    """Heads at both ends of a column whose permeability upwards is .2 of that given: a fifth flows."""
+    boundaries = {"top": {"where": row(0.195), "water": {"head": 0.5, "side": "y+"}},
+                  "base": {"where": row(0.005), "water": {"head": 0.1, "side": "y-"}}}  # fmt: skip
+    water = FLOWING | {"anisotropy": [1.0, 0.2], "bulk_modulus": 1e6}
+    sim = started(held(scene_of, water, boundaries, counts=(4, 20), duration=1.0, step=1e-2))
+    sim.run()
+    p = sim.particles
+    head = p.pore_pressure / GAMMA + p.position[:, 1]
+    assert head == pytest.approx(0.1 + 0.4 * p.position[:, 1] / 0.2, rel=0.01)
+    flux = values(sim, ["flux"])["flux"]
+    assert flux[:, 1] == pytest.approx(-0.2 * SPEED * 0.4 / 0.2, rel=0.025)
+    before, steps = histories(sim)["water_inflow"], 5
+    for _ in range(steps):
+        sim.step()
+    assert histories(sim)["water_inflow"] - before == pytest.approx(0.2 * SPEED * 2.0 * 0.04 * steps * 1e-2, rel=0.02)
 
 
 def test_compressed_points_conduct_as_before(scene_of, started):
