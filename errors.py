@@ -131,6 +131,10 @@ class ContactError(RuntimeError):
     """A contact cannot act as the scene asks, or something has passed through it; raised on all ranks alike."""
 
 
+class WaterError(RuntimeError):
+    """Water cannot flow as the scene asks; raised on all ranks alike."""
+
+
 def place_text(place, origin, digits: int) -> str:
     """A place (d,) m that is counted from `origin`, as text for people, with `digits` digits and those of `origin`."""
     texts = (f"{x:.{digits}g}" if not o else f"{o + x:.{digits + 6}g}" for x, o in zip(place, origin, strict=True))

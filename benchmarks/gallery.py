@@ -4,7 +4,8 @@
 
 Every scene of configs/ is run on one core in a folder of its own below DIR. What is finished is not run again, what was
 interrupted or whose scene has changed starts anew. Two pictures of each, made as `periporo plot` makes them, go to
-docs/figures/gallery: the end, and a still of the movie when motion is at its height. Figures of the runs are kept in
+docs/figures/gallery: the end, and a still of the movie when motion is at its height; of wet soil a third, of its water
+at that time, or at the first output where nothing moves. Figures of the runs are kept in
 runs.csv beside them, so that a scene that is run alone leaves the others' as they are; --draw runs none. The time is
 processor time, with kernels compiled before.
 """
@@ -85,8 +86,10 @@ def draw(scene: Path, result: Path) -> None:
     with open_results(result) as results:
         still = liveliest(results)
     PICTURES.mkdir(parents=True, exist_ok=True)
-    for step, name in ((-1, scene.stem), (still, f"{scene.stem}_still")):
-        picture = plot_run(result, result.parent, step=step)[0]
+    shown = [(-1, 0, scene.stem), (still, 0, f"{scene.stem}_still")]
+    shown += [(max(still, 1), 1, f"{scene.stem}_water")] if is_wet(scene) else []
+    for step, number, name in shown:
+        picture = plot_run(result, result.parent, step=step)[number]
         image, file = Image.open(picture).convert("RGB"), PICTURES / f"{name}.png"
         image.save(file, optimize=True)
         if file.stat().st_size > LARGE:
@@ -125,12 +128,18 @@ def page(rows: dict[str, dict]) -> str:
 def section(scene: Path, row: dict) -> list[str]:
     """The lines of a scene."""
     name, file = scene.stem, f"{FIGURES.name}/{PICTURES.name}/{scene.stem}"
-    return [
+    lines = [
         f"## {name}", "", f"**{title_of(scene)}.**", *described(scene), "",
         f"| after {row['still_s']} s; fastest {row['fastest_m_per_s']} m/s | the end, after {row['end_s']} s; "
         f"residual {row['energy_unexplained']} |", "|---|---|",
         f"| ![in motion]({file}_still.png) | ![end]({file}.png) |",
     ]  # fmt: skip
+    return [*lines, f"| ![water in the pores]({file}_water.png) | |"] if is_wet(scene) else lines
+
+
+def is_wet(scene: Path) -> bool:
+    """Whether there is water in the pores of its soil."""
+    return "pore_water" in read_yaml(scene).data
 
 
 def title_of(scene: Path) -> str:

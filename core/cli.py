@@ -120,7 +120,7 @@ def _simulate(arguments) -> int:
     from mpi4py import MPI
 
     from periporo.core.ranks.processors import agree
-    from periporo.errors import ContactError, InputError, OutputError
+    from periporo.errors import ContactError, InputError, OutputError, WaterError
 
     comm = MPI.COMM_WORLD
     try:  # before any kernel is imported
@@ -146,7 +146,7 @@ def _simulate(arguments) -> int:
         )  # fmt: skip
         return 0
     except (
-        InputError, OutputError, ContactError, RelaxationError, RefusedStep, StabilityError, WatchdogError
+        InputError, OutputError, ContactError, RelaxationError, RefusedStep, StabilityError, WatchdogError, WaterError
     ) as error:  # the same on all ranks
         if comm.rank == 0:
             print(f"periporo: {error}", file=sys.stderr, flush=True)

@@ -71,8 +71,8 @@ def available(sim) -> dict[str, OutputField]:
         fields[name] = OutputField(name, width or 1, unit)
     for name in _of_processes(sim):
         fields[name] = OutputField(name, p.fields[name].columns or 1, p.fields[name].unit)
-    for name, (unit, _) in _derived(sim).items():
-        fields[name] = OutputField(name, 1, unit)
+    for name, (columns, unit, _) in _derived(sim).items():
+        fields[name] = OutputField(name, columns, unit)
     fields["stress"] = OutputField("stress", p.components, "Pa")
     for name in sim.forces.names:
         fields[f"{name}_force"] = OutputField(f"{name}_force", p.dimension, "N")
@@ -94,7 +94,7 @@ def _of_processes(sim) -> list[str]:
 
 
 def _derived(sim) -> dict:
-    """What point processes make of their fields for output: name -> (unit, function of particles and owned count)."""
+    """What point processes make of their fields: name -> (columns, unit, function of particles and owned count)."""
     return {name: entry for process in sim.point_processes for name, entry in getattr(process, "derived", {}).items()}
 
 
@@ -105,13 +105,13 @@ def values(sim, names) -> dict[str, np.ndarray]:
     """
     p, n = sim.particles, sim.particles.owned
     result = {}
-    stored, plain = _of_processes(sim), _PLAIN | _derived(sim)
+    stored, plain = _of_processes(sim), {name: entry[-1] for name, entry in (_PLAIN | _derived(sim)).items()}
     averaged = [name for name in names if name not in (*plain, *stored) and not name.endswith("_force")]
     if averaged:
         sim.bonds.average(p, np.arange(n))
     for name in names:
         if name in plain:
-            result[name] = plain[name][1](p, n)
+            result[name] = plain[name](p, n)
         elif name in stored or name.endswith("_force"):
             result[name] = _internal(sim) if name == "internal_force" else getattr(p, name)[:n]
         else:

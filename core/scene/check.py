@@ -10,6 +10,7 @@ from periporo.core.scene.doubts import doubts_about
 from periporo.core.scene.fields import ParameterFields
 from periporo.core.scene.source import naming, read_everywhere
 from periporo.errors import SCREEN_LINES, SCREEN_WIDTH
+from periporo.io.schema.stages import STILL
 
 
 def check_scene(path, comm) -> int:
@@ -22,6 +23,7 @@ def check_scene(path, comm) -> int:
             print(jit.COMPILING, flush=True)
         sim.start()
     doubts, fields = doubts_about(scene, sim), _fields(sim)
+    sim.rate_independent = all(stage.type in STILL for stage in scene.stages)
     sim.step()  # the first one measures the stable time step
     began, trials = time.perf_counter(), 20
     for _ in range(trials):

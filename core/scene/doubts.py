@@ -6,9 +6,9 @@ from periporo.core.motion.timestep import highest_frequency
 from periporo.core.numerics import jit
 from periporo.core.numerics.gravity import vertical_axis
 from periporo.core.ranks.reductions import maximum, minimum
+from periporo.core.scene.water_doubts import doubts_about_water
 
 _SOFT = 0.05  # weight over bulk modulus
-_TIGHTEST, _COARSEST = 1e-13, 1e-7  # conductivity of clay, m/s, and permeability of gravel, m^2
 _SHORTER = 0.8  # of the bodies' own time step: what a contact may leave of it
 
 
@@ -23,7 +23,8 @@ def doubts_about(scene, sim) -> list[str]:
         *_thin_obstacles(scene),
         *_stiff_contacts(sim, scene),
         *_doubts_of_laws(sim, scene),
-        *_strange_permeability(scene),
+        *doubts_about_water(scene, sim),
+        *_unused_boundaries(scene),
         *jit.remarks,
     ]
 
@@ -121,6 +122,13 @@ def _histories_before_their_stage(scene) -> list[str]:
     return doubts
 
 
+def _unused_boundaries(scene) -> list[str]:
+    """A remark on boundaries that no stage names."""
+    named = {name for stage in scene.stages for name in stage.boundaries}
+    idle = [f"'{name}'" for name in scene.boundaries if name not in named]
+    return [f"no stage names boundary {', '.join(idle)}: without that it does nothing"] if idle else []
+
+
 def _rest_that_cannot_be(scene) -> list[str]:
     """A remark on each stage that is to end at rest while something goes on to its end."""
     doubts, begin = [], 0.0
@@ -171,24 +179,6 @@ def _stiff_contacts(sim, scene) -> list[str]:
             doubts.append(
                 f"the stiffness of contacts[{number}] ({model.type}), {model.stiffness:.3g} N/m^3, makes the time step "
                 f"{1.0 / share:.2g} times as short as the bodies need while it acts; leave it out, or make it less"
-            )
-    return doubts
-
-
-def _strange_permeability(scene) -> list[str]:
-    """A remark on each permeability or conductivity that is of the magnitude of the other."""
-    water, doubts = scene.pore_water, []
-    named = {} if water is None else {"pore_water": water, **{f"soil '{k}'": v for k, v in water.soils.items()}}
-    for name, soil in named.items():
-        if soil.conductivity is not None and soil.conductivity < _TIGHTEST:
-            doubts.append(
-                f"{name}: a conductivity of {soil.conductivity:.3g} m/s is less than that of any clay; is it a "
-                "permeability in m^2?"
-            )
-        if soil.permeability is not None and soil.permeability > _COARSEST:
-            doubts.append(
-                f"{name}: a permeability of {soil.permeability:.3g} m^2 is more than that of gravel; is it a "
-                "conductivity in m/s?"
             )
     return doubts
 

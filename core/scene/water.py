@@ -83,7 +83,8 @@ def _permeability(scene) -> Permeability:
             found.append(soil.permeability / water.viscosity)
         else:
             found.append(soil.conductivity / (water.water_density * STANDARD_GRAVITY))
-    return Permeability(np.array(found), water.kozeny_carman, scene.vector(scene.gravity))
+    factors = np.ones(scene.dimension) if water.anisotropy is None else np.array(water.anisotropy)
+    return Permeability(np.array(found), water.kozeny_carman, scene.vector(scene.gravity), factors)
 
 
 def _weight(scene) -> tuple[float, np.ndarray]:

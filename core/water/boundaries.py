@@ -35,11 +35,12 @@ class WaterBoundary:
         if self._found[0] is not p.id:
             self._found = p.id, np.flatnonzero(np.isin(p.id[: p.owned], self.ids, assume_unique=True))
         rows = self._found[1]
-        return rows[self._faces(p, rows)[0] > _FACE * p.volume[rows] ** (1.0 - 1.0 / p.dimension)]
+        present = p.volume[rows] * p.pore_dilation[rows]
+        return rows[self._faces(p, rows)[0] > _FACE * present ** (1.0 - 1.0 / p.dimension)]
 
     def _faces(self, p, rows):
-        """Area (n,) m^2, outward normal (n, d), and distance (n,) m of the faces."""
-        d = p.dimension
+        """Area (n,) m^2, outward normal (n, d), and distance (n,) m of the faces of the points as large as they are."""
+        d, ratio = p.dimension, p.pore_dilation[rows]
         vector, tensor = p.outer_face[rows, :d], p.outer_face[rows, d:]
         if self.side is None:
             area = np.sqrt((vector * vector).sum(axis=1))
@@ -49,12 +50,13 @@ class WaterBoundary:
         square = np.zeros(len(rows))
         for c, (a, b) in enumerate(SHAPE_PAIRS[d]):
             square += (1.0 if a == b else 2.0) * tensor[:, c] * normal[:, a] * normal[:, b]
-        return area, normal, 0.5 * square / np.where(area > 0.0, area, 1.0)
+        return ratio * area, normal, 0.5 * square / np.where(area > 0.0, area, 1.0)
 
-    def conducted(self, p, rows) -> np.ndarray:
+    def conducted(self, p, rows, water: FlowingWater) -> np.ndarray:
         """What the faces conduct, (n,) m^3/(Pa s)."""
-        area, _, distance = self._faces(p, rows)
-        return 0.0 * area if self.kind == FLUX else area / distance * p.flow_state[rows, 2]
+        area, normal, distance = self._faces(p, rows)
+        mobility = p.flow_state[rows, 2] / p.pore_dilation[rows] * (normal**2 * water.permeability.factors).sum(axis=1)
+        return 0.0 * area if self.kind == FLUX else area / distance * mobility
 
     def add(self, p, rows, time: float, water: FlowingWater, flow: np.ndarray) -> None:
         """Add what enters, leaves and runs off per second to the columns of `flow` (total, 4), m^3/s."""
@@ -92,4 +94,4 @@ class WaterBoundary:
         weight = water.pores.density * water.permeability.gravity
         driven = pressure - p.pore_pressure[rows] - (way * weight).sum(axis=1)
         outside = conductivities(water.curves, p.material[rows], -pressure, p.porosity[rows], p.pore_dilation[rows])
-        return self.conducted(p, rows) * driven * np.where(driven > 0.0, outside, p.flow_state[rows, 1])
+        return self.conducted(p, rows, water) * driven * np.where(driven > 0.0, outside, p.flow_state[rows, 1])

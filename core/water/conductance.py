@@ -15,6 +15,9 @@ at a surface that is the inner one, whose neighbourhood is whole, so that the fl
 n . Lambda n count as 0. Lambda of points at the surface, which only pairs along it take, is then multiplied by what is
 missing to the conductance along the surface. Next to a surface sum_j a_ij xi points inwards and is as long as the area
 of the point's face.
+
+Where water flows more easily along one axis than along another, by `factors`, all of this holds in places whose axes
+are stretched by the inverse roots of them: there it flows equally easily in all directions.
 """
 
 import numpy as np
@@ -34,18 +37,21 @@ def fields(dimension: int) -> tuple[Field, ...]:
     shape = dimension * (dimension + 1) // 2
     return (
         Field("conduction", 1 + shape, "m^3, 1/m^3"),  # W, Lambda; W is 0 of points without regular company
-        # outward area vector A of its face, and sum a xi (x) xi; zeros of points inside
+        # outward area vector A of its face, and sum a xi (x) xi of stretched xi; zeros of points inside
         Field("outer_face", dimension + shape, "m^2, m^3", sent=False),
     )
 
 
-def find_conduction(p, pairs, halo) -> None:
-    """Find `conduction` of all points and `outer_face` of the owned ones from the present positions."""
-    d, n = p.dimension, p.owned
+def find_conduction(p, pairs, halo, factors) -> None:
+    """Find `conduction` of all points and `outer_face` of the owned ones from the present positions.
+
+    `factors` (d,) are what water flows more easily by along the axes.
+    """
+    d, n, place = p.dimension, p.owned, stretched(p.position, factors)
     k = d * (d + 1) // 2
     upper = np.triu_indices(k)
     sums = np.zeros((p.total, 1 + len(upper[0])))
-    _sum_moments(pairs.first, pairs.second, pairs.weight, p.position, p.volume, sums, p.dim)
+    _sum_moments(pairs.first, pairs.second, pairs.weight, place, p.volume, sums, p.dim)
     regular = (p.share[:n, 1] > 0.0) & (sums[:n, 0] > 0.0)
     whole = np.where(regular, sums[:n, 0], 1.0)
     matrix = np.zeros((n, k, k))
@@ -58,16 +64,22 @@ def find_conduction(p, pairs, halo) -> None:
         halo.update(p, "conduction")
         directions = np.zeros((p.total, d + k))
         _sum_directions(
-            pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.conduction, directions, p.dim
+            pairs.first, pairs.second, pairs.weight, place, p.volume, p.conduction, directions, p.dim
         )  # fmt: skip
-        _find_faces(n, p.volume, directions, p.outer_face, p.dim)
+        _find_faces(n, p.volume, factors, directions, p.outer_face, p.dim)
         if turn < _TURNS:
             _fit_surface(n, p.volume, p.outer_face, p.conduction, p.dim)
+    p.outer_face[:, :d] /= np.sqrt(factors)
+
+
+def stretched(position, factors) -> np.ndarray:
+    """Places (total, d) m in which water flows equally easily in all directions."""
+    return position if (factors == 1.0).all() else position / np.sqrt(factors)
 
 
 @inlined
 def pair_conductance(i, j, w, position, volume, conduction, dim):
-    """a_ij m of a pair of weight `w`, for the volumes at the start."""
+    """a_ij m of a pair of weight `w`, for the volumes at the start; `position` is stretched."""
     end = i if conduction[i, 0] >= conduction[j, 0] else j
     if w == 0.0 or conduction[i, 0] == 0.0 or conduction[j, 0] == 0.0:
         return 0.0
@@ -118,13 +130,13 @@ def _sum_directions(first, second, weight, position, volume, conduction, sums, d
 
 
 @kernel
-def _find_faces(owned, volume, sums, face, dim):
+def _find_faces(owned, volume, factors, sums, face, dim):
     """Turn the sums of directions outwards; zeros of points that have no face."""
     d = len(dim)
     for i in range(owned):
         square = 0.0
         for c in range(d):
-            square += sums[i, c] ** 2
+            square += sums[i, c] ** 2 / factors[c]
         at_surface = square > (_FACE * volume[i] ** ((d - 1.0) / d)) ** 2
         for c in range(face.shape[1]):
             face[i, c] = (-sums[i, c] if c < d else sums[i, c]) if at_surface else 0.0

@@ -16,10 +16,12 @@ from periporo.core.numerics.jit import kernel
 from periporo.core.points.particles import Field
 from periporo.core.ranks.reductions import exact_sum, maximum
 from periporo.core.water import conductance
+from periporo.core.water.flux import fluxes
 from periporo.core.water.increments import Increments
 from periporo.core.water.pore_water import UndrainedWater
 from periporo.core.water.retention import conductivity_of, saturation_of
 from periporo.core.water.stages import integrate, stages_for
+from periporo.errors import WaterError
 
 _REFRESH = 20  # steps between looks at the geometry
 MOST_STAGES = 199
@@ -33,12 +35,14 @@ UNITS = {"water_stored": "m^3", "water_inflow": "m^3", "water_outflow": "m^3", "
 class Permeability:
     """Mobility k/mu of full pores at the start, `mobility` (materials,) m^2/(Pa s).
 
-    If it follows the porosity, then by Kozeny and Carman as phi^3/(1 - phi)^2. `gravity` (d,) m/s^2 is the scene's.
+    If it follows the porosity, then by Kozeny and Carman as phi^3/(1 - phi)^2. `gravity` (d,) m/s^2 is the scene's;
+    `factors` (d,) are those of the permeability along the axes.
     """
 
     mobility: np.ndarray
     follows_porosity: bool
     gravity: np.ndarray
+    factors: np.ndarray
 
     @property
     def direction(self) -> np.ndarray:
@@ -69,12 +73,16 @@ class FlowingWater(UndrainedWater):
         sim.particles.add_field(Field("exchanged_water", 4, "m^3", sent=False))
         if self.increments is not None:
             self.increments.attach(sim)
-        weight = self.pores.density * self.permeability.gravity
+        d, weight = sim.particles.dimension, self.pores.density * self.permeability.gravity
+        self.derived = self.derived | {"flux": (d, "m/s", self._fluxes)}
         strength = float(np.sqrt((weight**2).sum()))
         if strength > 0.0:
             head = lambda p, n: (p.pore_pressure[:n] - (p.position[:n] * weight).sum(axis=1)) / strength  # noqa: E731
-            self.derived = self.derived | {"head": ("m", head)}
-        sim.particles.add_field(Field("flow_state", 4, "Pa, 1, m^2/(Pa s), 1", migrates=False))  # p, k_r, k/mu, J
+            self.derived = self.derived | {"head": (1, "m", head)}
+        sim.particles.add_field(Field("flow_state", 3, "Pa, 1, m^2/(Pa s)", migrates=False))  # p, k_r, J k/mu
+
+    def _fluxes(self, p, n):
+        return fluxes(p, self._sim.bonds.pairs, self.network(p), self.permeability.factors)
 
     def initial_fields(self, owned) -> None:
         """Set what the water is at new points."""
@@ -104,7 +112,7 @@ class FlowingWater(UndrainedWater):
 
     def look_around(self, p) -> None:
         """Find what pairs conduct where the points are now."""
-        conductance.find_conduction(p, self._sim.bonds.pairs, self._sim.halo)
+        conductance.find_conduction(p, self._sim.bonds.pairs, self._sim.halo, self.permeability.factors)
 
     def histories(self) -> dict[str, float]:
         """What is stored, has come in and left, and the balance; collective."""
@@ -118,9 +126,10 @@ class FlowingWater(UndrainedWater):
         net = self.network(p)
         stages = stages_for(0.5 * dt * self.fastest(p, net, np.zeros(p.owned)))
         if not stages <= MOST_STAGES:
-            raise RuntimeError(
-                f"the flow of water is too fast for the time step, which would take {stages:.0f} stages; "
-                "lower conductivity or bulk_modulus of the water, or use drained water"
+            raise WaterError(
+                f"the flow of water is too fast for the time step of {dt:.3g} s: are conductivity (m/s) and "
+                "permeability (m^2, some 1e-7 times that) in their units? Lower them or bulk_modulus, let water flow "
+                "in a quasi_static stage, or take drained water"
             )
         self.transport(p, net, self._sim.time, dt, stages, lambda gone: self._fill_pressure(p))
 
@@ -130,7 +139,8 @@ class FlowingWater(UndrainedWater):
         self.describe(p)
         conducted, drop = np.zeros(len(pairs.first)), np.zeros(len(pairs.first))
         _find_conducted(
-            pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.conduction, p.flow_state,
+            pairs.first, pairs.second, pairs.weight, p.position,
+            conductance.stretched(p.position, self.permeability.factors), p.volume, p.conduction, p.flow_state,
             self.pores.density * self.permeability.gravity, conducted, drop, p.dim,
         )  # fmt: skip
         return conducted, drop, [(boundary, boundary.rows(p)) for boundary in self._sim.inflows]
@@ -184,7 +194,7 @@ class FlowingWater(UndrainedWater):
         sums = np.zeros(p.total)
         _sum_conducted(pairs.first, pairs.second, conducted, p.flow_state, sums)
         for boundary, rows in inflows:
-            sums[rows] += boundary.conducted(p, rows)
+            sums[rows] += boundary.conducted(p, rows, self)
         return maximum(
             self._sim.comm,
             _largest_rate(
@@ -206,22 +216,22 @@ def _describe(
         if follows:
             now, then = porosity[i], initial_porosity[m]
             state[i, 2] *= (now / then) ** 3 * ((1.0 - then) / (1.0 - now)) ** 2
-        state[i, 3] = dilation[i]
+        state[i, 2] *= dilation[i]
 
 
 @kernel
 def _find_conducted(
-    first, second, weight, position, volume, conduction, state, water_weight, conducted, drop, dim
+    first, second, weight, position, place, volume, conduction, state, water_weight, conducted, drop, dim
 ):
-    """a kappa of full pores, and rho_w g . xi, of every pair; those of no weight stay 0."""
+    """a J kappa of full pores, J the volume ratio, and rho_w g . xi, of every pair; those of no weight stay 0."""
     for b in range(first.shape[0]):
         if weight[b] == 0.0:
             continue
         i, j = first[b], second[b]
-        a = conductance.pair_conductance(i, j, weight[b], position, volume, conduction, dim)
+        a = conductance.pair_conductance(i, j, weight[b], place, volume, conduction, dim)
         both = state[i, 2] + state[j, 2]
         series = 2.0 * state[i, 2] * state[j, 2] / both if both > 0.0 else both
-        conducted[b] = a * series * 0.5 * (state[i, 3] + state[j, 3])
+        conducted[b] = a * series
         xi = la.difference(position, i, j, dim)
         for c in range(len(dim)):
             drop[b] += water_weight[c] * xi[c]

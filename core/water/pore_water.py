@@ -71,7 +71,7 @@ class PoreWater:
     """
 
     output = ("pore_pressure", "porosity", "saturation")
-    derived = {"suction": ("Pa", lambda p, n: np.maximum(-p.pore_pressure[:n], 0.0))}
+    derived = {"suction": (1, "Pa", lambda p, n: np.maximum(-p.pore_pressure[:n], 0.0))}
 
     def __init__(self, pores: Pores, profile: Profile, free: FreeWater | None = None):
         self.pores = pores

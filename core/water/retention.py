@@ -75,6 +75,11 @@ def tabulated(suction, saturation, conductivity=None) -> Retention:
         raise ValueError("retention table: needs at least two rows with increasing suctions >= 0")
     if not ((y >= 0) & (y <= 1)).all() or not (np.diff(y) <= 0).all():
         raise ValueError("retention table: saturations must lie in [0, 1] and not increase with suction")
+    if y[0] != 1.0:
+        raise ValueError(
+            f"retention table: its first saturation must be 1, not {y[0]:g}: pores under pressure are full; begin with "
+            "the suction at which air enters, and let the porosity be what water can fill"
+        )
     h, slope = np.diff(s), np.diff(y) / np.diff(s)
     product = slope[1:] * slope[:-1]
     weighted = (2 * h[1:] + h[:-1]) * slope[1:] + (h[1:] + 2 * h[:-1]) * slope[:-1]
@@ -108,8 +113,13 @@ def _read_table(name):
     with open(name, encoding="utf-8-sig") as file:
         header = file.readline().strip().replace(" ", "")
         if header not in ("suction,saturation", "suction,saturation,conductivity"):
-            raise ValueError(f"its first line must be suction,saturation[,conductivity], not {header!s:.60}")
-        return np.loadtxt(file, delimiter=",", ndmin=2).T
+            raise ValueError(f"its first line must be suction,saturation[,conductivity], not {header!r:.60}")
+        columns = header.count(",") + 1
+        rows = [line.split(",") for line in file if line.strip()]
+    for number, row in enumerate(rows, 1):
+        if len(row) != columns:
+            raise ValueError(f"row {number} has {len(row)} columns, not the {columns} of its first line")
+    return np.array(rows, float).reshape(-1, columns).T
 
 
 def packed(curves: list[Retention]) -> np.ndarray:

@@ -8,10 +8,15 @@ import numpy as np
 import yaml
 
 from periporo.core.numerics.cells import Cells
+from periporo.core.numerics.gravity import vertical_axis
 from periporo.io.output.vtkhdf_layout import COUNTS
+from periporo.io.output.water_table import water_table
 
 if TYPE_CHECKING:
     import xarray
+
+
+_WATER_DENSITY = 1000.0  # kg/m^3
 
 
 class ResultError(Exception):
@@ -117,6 +122,19 @@ class Results:
             file["Types"][cell : cell + count],
         )
         return cells.split()
+
+    def water_table(self, step: int = -1, *, time: float | None = None) -> np.ndarray:
+        """The water table: places (m, 3) m where the pressure in the pores falls to zero, one for each column of soil.
+
+        Columns are a spacing wide and upright; those without water under pressure have none. Needs `pore_pressure`.
+        """
+        axis = vertical_axis(self.configuration.get("gravity"), self.dimension)
+        scene = self.configuration
+        gravity = scene.get("gravity") or [0.0] * self.dimension
+        density = (scene.get("pore_water") or {}).get("water_density", _WATER_DENSITY)
+        weight = density * float(np.linalg.norm(gravity)) or np.inf
+        pressure, place = self.field("pore_pressure", step, time=time), self.positions(step, time=time)
+        return water_table(place, pressure, scene["spacing"], axis, -1.0 if gravity[axis] > 0.0 else 1.0, weight)
 
     def ids(self, step: int = -1, *, time: float | None = None) -> np.ndarray:
         """Global ids (n,), ascending."""

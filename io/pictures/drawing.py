@@ -141,6 +141,7 @@ class PointPicture:
         prepared = [self._prepare(axes, view) for axes, view in zip(self.axes, self.views, strict=True)]
         self.points, self.squares = zip(*prepared, strict=True)
         self.obstacles = [self._prepare_obstacles(axes) for axes in self.axes]
+        self.water = self._prepare_water()
         self.colour_bar = None
 
     def show(self, step):
@@ -166,6 +167,7 @@ class PointPicture:
                 collection.set_clim(*limits)
         if self.colour_bar is None:
             self._add_colour_bar(label, values)
+        self._show_water(step)
         self.axes[0].set_title(f"t = {results.times[step]:.4g} s", loc="left", color="0.2")
         outside = np.sum(np.any((position < self.extent[0]) | (position > self.extent[1]), axis=1))
         count = f"{len(position):,} points" + (f", {outside} outside the picture" if outside else "")
@@ -233,6 +235,35 @@ class PointPicture:
         axes.add_collection(areas, autolim=False)
         axes.add_collection(edges, autolim=False)
         return areas, edges
+
+    def _prepare_water(self):
+        """What `show` fills with the water table, in two dimensions, and with the level of free water; or None."""
+        from matplotlib.collections import LineCollection
+
+        if "pore_pressure" not in self.results.fields or self.results.dimension == 3:
+            return None
+        colours = {"water table": "#1f77b4", "free water": "#17becf"}
+        lines = {n: LineCollection([], colors=c, linewidths=1.4, zorder=4, label=n) for n, c in colours.items()}
+        for line in lines.values():
+            self.axes[0].add_collection(line, autolim=False)
+        return lines
+
+    def _show_water(self, step):
+        """Draw the water table of output `step` as far as columns beside each other have one, and free water."""
+        if self.water is None:
+            return
+        view, found = self.views[0], self.results.water_table(step)
+        place = found[np.argsort(found[:, view.across])][:, [view.across, view.up]]
+        beside = np.diff(place[:, 0]) < 1.5 * self.spacing
+        segments = {"water table": np.stack([place[:-1], place[1:]], axis=1)[beside], "free water": []}
+        free = (self.results.configuration.get("pore_water") or {}).get("free_water")
+        if free is not None:
+            level = np.interp(self.results.times[step], free["level"]["times"], free["level"]["values"])
+            segments["free water"] = [[(end, level) for end in self.axes[0].get_xlim()]]
+        for name, line in self.water.items():
+            line.set_segments(segments[name])
+        drawn = [line for name, line in self.water.items() if len(segments[name])]
+        self.axes[0].legend(handles=drawn, loc="upper right", fontsize=9) if drawn else None
 
     def _add_colour_bar(self, label, values):
         low, high = self.points[0].get_clim()

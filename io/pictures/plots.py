@@ -99,8 +99,9 @@ def plot_run(path, out=None, animate=False, *, field=None, step=-1):
     """Make the pictures of a result file that it has the data for; the list of files written.
 
     out: folder, by default that of the result file. The files are named after it: `run_deposit.png`, or with a `field`
-    for example `run_stress.yy.png`, of another output than the last `run_deposit_0012.png`; `run_histories.png`,
-    `run_energy.png`, and with `animate` `run_movie.mp4`, or `.gif` without ffmpeg.
+    for example `run_stress.yy.png`, of another output than the last `run_deposit_0012.png`; of wet soil
+    `run_saturation.png`, or where all pores are full `run_pore_pressure.png`; `run_histories.png`, `run_energy.png`,
+    and with `animate` `run_movie.mp4`, or `.gif` without ffmpeg.
     """
     path = Path(path)
     folder = Path(out) if out is not None else path.parent
@@ -108,8 +109,10 @@ def plot_run(path, out=None, animate=False, *, field=None, step=-1):
         number = results.output(step)  # fails before anything is written
         folder.mkdir(parents=True, exist_ok=True)
         ending = "" if step == -1 else f"_{number:04d}"
-        files = [folder / f"{path.stem}_{'deposit' if field is None else field}{ending}.png"]
-        plot_deposit(results, files[0], step, field)
+        files = []
+        for shown in (field,) if field is not None else (None, *_of_water(results, number)):
+            files.append(folder / f"{path.stem}_{'deposit' if shown is None else shown}{ending}.png")
+            plot_deposit(results, files[-1], step, shown)
         names = set(results.history_names)
         if names - {"step", "time", *_BALANCE}:
             files.append(folder / f"{path.stem}_histories.png")
@@ -120,6 +123,14 @@ def plot_run(path, out=None, animate=False, *, field=None, step=-1):
         if animate:
             files.append(animate_run(results, folder / f"{path.stem}_movie", field))
     return files
+
+
+def _of_water(results, number):
+    """The field that shows the water in the pores best, if the file holds one."""
+    if "saturation" in results.fields and results.field("saturation", number).min(initial=1.0) < 1.0:
+        return ("saturation",)
+    wet = "pore_pressure" in results.fields and results.field("pore_pressure", number).any()
+    return ("pore_pressure",) if wet else ()
 
 
 def _abscissa(results):

@@ -166,7 +166,8 @@ class Monitor(SceneModel):
     """What is watched during the run."""
 
     points: tuple[Position, ...] = key(
-        "places; displacement and velocity of the point nearest to each at the start are recorded as histories",
+        "places; displacement and velocity of the point nearest to each at the start, and pore pressure where there is "
+        "pore_water, are recorded as histories",
         "m",
         default=(),
         place="point",

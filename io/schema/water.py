@@ -1,11 +1,13 @@
 """Input of the water in the pores, and outside."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import model_validator
+from pydantic import Field, Strict, model_validator
 
 from periporo.io.schema.base import Coordinate, Flag, Motion, Name, Real, SceneModel, key
 from periporo.io.schema.files import ExistingFile
+
+_Factor = Annotated[float, Strict(), Field(ge=1e-4, le=1e4)]
 
 
 class VanGenuchten(SceneModel):
@@ -90,6 +92,12 @@ class PoreWater(SceneModel):
         "hydraulic conductivity of full pores, under 9.81 m/s^2", "m/s", default=None, gt=0, le=10
     )
     permeability: Real | None = key("permeability of full pores, in place of it", "m^2", default=None, gt=0, le=1e-4)
+    anisotropy: Annotated[tuple[_Factor, ...], Field(min_length=2, max_length=3)] | None = key(
+        "permeability along the axes, which do not turn with the soil, over the one that is given; default 1 along all",
+        "1",
+        default=None,
+        vector=True,
+    )
     viscosity: Real = key("viscosity of the water", "Pa s", default=1e-3, gt=0, le=1e3)
     kozeny_carman: Flag = key("permeability follows the porosity, as phi^3/(1 - phi)^2", default=False)
     soils: dict[Name, Soil] = key("what differs in single materials, by their names", default={})
@@ -108,6 +116,12 @@ class PoreWater(SceneModel):
             raise ValueError("largest_suction belongs to a water_table; leave it out, or give one")
         if self.conductivity is not None and self.permeability is not None:
             raise ValueError("give one of: conductivity in m/s, permeability in m^2")
+        largest = max(self.suction or 0.0, self.largest_suction)
+        if self.drainage != "drained" and largest >= 0.5 * self.bulk_modulus:
+            raise ValueError(
+                f"a suction of {largest:g} Pa would pull water of a bulk_modulus of {self.bulk_modulus:g} Pa apart; "
+                "give a bulk_modulus that is at least twice as large"
+            )
         if self.frozen and self.drainage != "drained":
             raise ValueError("frozen is for drained water; undrained water stays anyway: leave frozen out")
         return self

@@ -163,3 +163,15 @@ def test_the_nearest_point_is_chosen_and_of_equals_the_first(scene_of):
     assert probes.ids == [p.id[k] for k in chosen]
     between = (p.position[0] + p.position[9]) / 2  # in the middle of four points
     assert Probes([between], p, sim.comm).ids == [0]
+
+
+def test_points_in_wet_soil_tell_their_pressure(scene_of):
+    water = {"water_table": 0.05, "porosity": 0.4}
+    sim = periporo.Simulation.from_scene(scene_of() | {"pore_water": water})
+    p = sim.particles
+    probes = Probes(p.position[[3, 7]], p, sim.comm)
+    found = probes.entries(p)
+    assert list(found) == list(probes.units) and probes.units["point_1_pore_pressure"] == "Pa"
+    for k, i in enumerate((3, 7)):
+        assert found[f"point_{k}_pore_pressure"] == pytest.approx(9810.0 * max(0.05 - p.position[i, 1], 0.0))
+        assert found[f"point_{k}_velocity_y"] == p.velocity[i, 1]

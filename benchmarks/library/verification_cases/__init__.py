@@ -17,6 +17,7 @@ from . import (
     manufactured,
     motion,
     noise,
+    rain,
     seepage,
     sliding,
     slopes,
@@ -107,6 +108,8 @@ CASES = (
     Case("W5", seepage.infiltration),
     Case("W6", drainage.ponded),
     Case("W7", drainage.liakopoulos),
+    Case("W8", footing.undrained_footing),
     Case("W9", waves.undrained_wave),
     Case("W11", noise.at_rest_and_in_flow),
+    Case("W12", rain.failure_by_rain),
 )

@@ -1,14 +1,18 @@
-"""V20: bearing capacity of a strip footing on weightless clay without drainage (Prandtl 1921): q = (2 + pi) c.
+"""V20, W8: bearing capacity of a strip footing on weightless clay without drainage (Prandtl 1921): q = (2 + pi) c.
 
 The clay is `drucker_prager` without friction: von Mises with sqrt(J2) = c. Plastic flow keeps the volume, so in plane
 strain the stress out of plane is the mean of the other two at failure, sqrt(J2) is the radius of Mohr's circle, and c
 is the undrained strength as in Tresca's criterion. The footing is a row of points that is driven down, slowly; the
 load is the force that the soil opposes to it, over its width, which is that of the points' cells.
+
+In W8 the clay is a skeleton with friction and without cohesion or dilation, and its pores are full of water that cannot
+leave. Suction holds it together, p' = s at no total stress; at constant volume p' stays, so that c = s sin(phi).
 """
 
 import numpy as np
 
 from .common import DEFAULT, Figure, Recorder, box, owned, simulation
+from .noise import unevenness
 
 COHESION = 10e3  # Pa
 SHEAR = 1000.0 * COHESION
@@ -18,6 +22,13 @@ CLAY = {
 }  # fmt: skip
 HALF_WIDTH, HALF_LENGTH, DEPTH = 1.0, 3.5, 2.0  # of the footing and of the soil, m
 EXACT = 2.0 + np.pi
+FRICTION, PORES = 30.0, 0.4  # degrees; 1
+SUCTION = COHESION / np.sin(np.radians(FRICTION))
+SKELETON = CLAY | {"bulk_modulus": 2.0 / 3.0 * SHEAR, "cohesion": 0.0, "friction_angle": FRICTION}
+WATER = {  # 200 times as stiff as the shear modulus: p' rises by .003 of the total mean stress
+    "pore_water": {"suction": SUCTION, "drainage": "undrained", "porosity": PORES, "bulk_modulus": 200 * PORES * SHEAR},
+    "initial_stress": {"type": "uniform", "components": dict.fromkeys(("xx", "yy", "zz"), -SUCTION)},
+}  # fmt: skip
 SPEED, SETTLEMENT = 0.012, 0.01  # m/s, m: shear waves are six thousand times faster
 
 
@@ -26,14 +37,17 @@ def flowing(scheme):
     return {"scheme": scheme, "dilatation": "points"} if scheme == "bond_projected" else scheme
 
 
-def load_curve(points, scheme, *, rough=True, speed=SPEED):
-    """Settlement (k,) over the width, and load (k,) over c and the width, with `points` points under the footing."""
+def load_curve(points, scheme, *, rough=True, speed=SPEED, material=CLAY, look=None, **water):
+    """Settlement (k,) over the width, and load (k,) over c and the width, with `points` points under the footing.
+
+    With a function `look` of the simulation also what it returns, (k,).
+    """
     spacing = 2.0 * HALF_WIDTH / points
     sim = simulation(
-        spacing, box([-HALF_LENGTH, 0.0], [HALF_LENGTH, DEPTH]), scheme=scheme, material=CLAY,
+        spacing, box([-HALF_LENGTH, 0.0], [HALF_LENGTH, DEPTH]), scheme=scheme, material=material,
         boundaries=_boundaries(spacing, rough, speed),
         stages=[{"name": "push", "type": "dynamics", "duration": SETTLEMENT / speed + 0.5 * _ramp(speed),
-                 "boundaries": ["footing", "sides", "other side", "base"]}],
+                 "boundaries": ["footing", "sides", "other side", "base"]}], **water,
     )  # fmt: skip
     sim.start()
     footing = sim.stages[0].prescribed_motions[0]
@@ -41,13 +55,13 @@ def load_curve(points, scheme, *, rough=True, speed=SPEED):
     def state(s):
         rows = np.isin(s.particles.id[: s.particles.owned], footing.ids)
         settled = (owned(s, "initial_position") - owned(s, "position"))[rows, 1].mean()
-        return settled, owned(s, "internal_force")[rows, 1].sum()
+        return settled, owned(s, "internal_force")[rows, 1].sum(), *(() if look is None else (look(s),))
 
     record = Recorder(state, 10)
     sim.observers.append(record)
     sim.run()
-    _, settled, force = record.columns()
-    return settled / (2.0 * HALF_WIDTH), force / (2.0 * HALF_WIDTH * COHESION)
+    _, settled, force, *seen = record.columns()
+    return settled / (2.0 * HALF_WIDTH), force / (2.0 * HALF_WIDTH * COHESION), *seen
 
 
 def _ramp(speed):
@@ -91,4 +105,23 @@ def strip_footing(full=False, scheme="bond_projected"):
             *(Figure(f"dilatation: bond, {n} points", plateau(*load_curve(n, own))[0]) for n in (12, 24)),
             *(Figure(f"point_state, sharpened, {n} points", plateau(*load_curve(n, DEFAULT))[0]) for n in (24, 48)),
         ]
+    return figures
+
+
+def undrained_footing(full=False, scheme=DEFAULT):
+    """W8: strip footing on a saturated skeleton with friction, load at failure over s sin(phi) and width: 2 + pi."""
+    figures = []
+    for n in (12, 24, 48) if full else (12,):
+        dry = plateau(*load_curve(n, scheme))[0]
+        settled, load, noise = load_curve(n, scheme, material=SKELETON, look=unevenness, **WATER)
+        wet, rise = plateau(settled, load)
+        figures += [
+            Figure(f"total stress, {n} points under it (5.1416)", dry),
+            Figure(f"effective stress and water, {n} points", wet),
+            Figure("its error beyond that of total stress, relative", (abs(wet - EXACT) - abs(dry - EXACT)) / EXACT,
+                   at_most=0.03 if full and n > 12 else 0.08),
+            Figure("rise in the last half of the settlement, relative", rise, at_most=0.03),
+            Figure("unevenness of the pressure, over the load", (noise / (load * COHESION))[load > 1.0].max(),
+                   at_most=0.1),
+        ]  # fmt: skip
     return figures

@@ -168,6 +168,28 @@ def test_run_makes_all_pictures(tmp_path, heap):
     assert not np.array_equal(pixels(tmp_path / "out" / "run_velocity_0001.png"), pixels(files[0]))
 
 
+def test_wet_soil_is_drawn_with_its_water(tmp_path):
+    """A picture by saturation, or by pressure where pores are full, with the water table and free water."""
+    x, y = np.meshgrid(0.1 * np.arange(8) + 0.05, 0.1 * np.arange(5) + 0.05)
+    place = np.stack([x.ravel(), y.ravel()], axis=1)
+    scene = {"dimension": 2, "spacing": 0.1, "gravity": [0.0, -9.81],
+             "pore_water": {"free_water": {"level": {"times": [0.0, 2.0], "values": [0.4, 0.2]}}}}  # fmt: skip
+    for name, dry, drawn in (("run", 0.8, "saturation"), ("full", 1.0, "pore_pressure")):
+        path = tmp_path / f"{name}.h5"
+        with ResultWriter(path, MPI.COMM_SELF, dimension=2, fields={"pore_pressure": (1, "Pa"), "saturation": (1, "1")},
+                          attributes={"configuration": json.dumps(scene)}, history_units={}) as writer:  # fmt: skip
+            pressure = 9810.0 * (0.27 - place[:, 1])
+            values = {"pore_pressure": pressure, "saturation": np.where(pressure < 0.0, dry, 1.0)}
+            writer.write(1.0, 1, np.arange(40), place, values)
+        assert [file.name for file in plots.plot_run(path)] == [f"{name}_deposit.png", f"{name}_{drawn}.png"]
+        with open_results(path) as results:
+            picture = drawing.PointPicture(results, drawn)
+            picture.show(0)
+        table = np.array(picture.water["water table"].get_segments())
+        assert len(table) == 7 and table[:, :, 1] == pytest.approx(0.27, abs=1e-9)
+        assert np.array(picture.water["free water"].get_segments())[:, :, 1] == pytest.approx(0.3)
+
+
 def test_pictures_that_the_file_has_no_data_for(tmp_path, heap):
     path = heap(tmp_path / "run.h5", histories=False, dimension=3)
     assert [file.name for file in plots.plot_run(path)] == ["run_deposit.png"]

@@ -101,3 +101,20 @@ def test_a_permeability_in_the_wrong_unit(scene_of):
     assert "1e-05 m^2 is more than that of gravel; is it a conductivity in m/s?" in text
     (text,) = doubts(scene_of(materials=elastic, pore_water=water | {"conductivity": 1e-14}))
     assert "1e-14 m/s is less than that of any clay; is it a permeability in m^2?" in text
+
+
+def test_strange_rain_and_water_tables(scene_of):
+    """Rain in mm/h, from below, and a boundary that no stage names; a table in the air, and one that wets nothing."""
+    elastic = {"model": "elastic", "density": 1600.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
+    water = {"drainage": "flowing", "porosity": 0.4, "bulk_modulus": 1e7, "conductivity": 1e-9}
+    scene = scene_of(materials=elastic, pore_water=water | {"suction": 0})
+    rain = {"rain": {"where": {"body": "block"}, "water": {"rain": 20.0, "side": "y-"}}}
+    unit, below, idle = doubts(scene | {"boundaries": rain})
+    assert "a rain of 20 m/s is more than ever fell" in unit and "is it in mm/h?" in unit
+    assert "no rain falls on faces that look to y-" in below and "no stage names boundary 'rain'" in idle
+    (text,) = doubts(scene | {"pore_water": water | {"water_table": 5.0}})
+    assert "is 4.9" in text and "give free_water, or a lower water_table" in text
+    table = {"water_table": 0.02, "retention": {"van_genuchten": {"alpha": 0.1, "n": 2.0}}}
+    (text,) = doubts(scene | {"pore_water": water | table})
+    assert "full and without pressure, since largest_suction is 0" in text
+    assert doubts(scene | {"pore_water": water | table | {"largest_suction": 1e3}}) == []

@@ -5,10 +5,11 @@ import pytest
 
 from periporo.core.motion.rebuilds import rebuild
 from periporo.core.numerics.jit import kernel
-from periporo.core.water.conductance import pair_conductance
+from periporo.core.points.fields import values
+from periporo.core.water.conductance import pair_conductance, stretched
 from periporo.core.water.flow import FlowingWater
 from periporo.core.water.stages import integrate
-from periporo.errors import InputError
+from periporo.errors import InputError, WaterError
 from periporo.io.input.load import parse_scene
 
 SAND = {"model": "elastic", "density": 1590.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
@@ -39,11 +40,12 @@ def _conductances(first, second, weight, position, volume, conduction, result, d
         result[b] = pair_conductance(first[b], second[b], weight[b], position, volume, conduction, dim)
 
 
-def second_moments(sim):
+def second_moments(sim, factors=None):
     """sum_j a xi (x) xi of each point over twice its volume."""
     p, pairs = sim.particles, sim.bonds.pairs
     a = np.empty(len(pairs.first))
-    _conductances(pairs.first, pairs.second, pairs.weight, p.position, p.volume, p.conduction, a, p.dim)
+    place = stretched(p.position, np.ones(p.dimension) if factors is None else np.array(factors))
+    _conductances(pairs.first, pairs.second, pairs.weight, place, p.volume, p.conduction, a, p.dim)
     xi = p.position[pairs.second] - p.position[pairs.first]
     terms = a[:, None, None] * xi[:, :, None] * xi[:, None, :]
     sums = np.zeros((p.owned, p.dimension, p.dimension))
@@ -66,6 +68,41 @@ def test_conductances_are_those_of_the_continuum(dimension, counts, scene_of, st
         assert inner.sum() > 20 and (a >= 0.0).all()
         assert moments[inner].mean(axis=0) == pytest.approx(np.eye(dimension), abs=tolerance)
         assert np.abs(moments[inner] - np.eye(dimension)).max() < 10 * tolerance
+
+
+@pytest.mark.parametrize("factors", [(1.0, 0.1), (0.2, 1.0), (1.0, 0.3, 0.05)])
+def test_layered_soil_conducts_by_its_axes(factors, scene_of, started):
+    """Second moments are the tensor of the factors, none is negative, and faces are as large as they were."""
+    d = len(factors)
+    sim = started(scene_of(d, (14, 14) if d == 2 else (9, 9, 9), materials=SAND, contacts=[],
+                           pore_water=FLOWING | {"anisotropy": factors}))  # fmt: skip
+    moments, a = second_moments(sim, factors)
+    p = sim.particles
+    middle = 0.5 * (p.position.min(axis=0) + p.position.max(axis=0))
+    inner = (np.abs(p.position - middle) < (0.04 if d == 2 else 0.015)).all(axis=1)
+    assert (a >= 0.0).all() and inner.sum() >= 8
+    assert moments[inner] == pytest.approx(np.tile(np.diag(factors), (inner.sum(), 1, 1)), abs=1e-5)
+    side = p.position[:, 0] > p.position[:, 0].max() - 1e-6
+    face = np.sqrt((p.outer_face[side, :d] ** 2).sum(axis=1))
+    assert np.median(face) == pytest.approx(0.01 ** (d - 1), rel=0.05)
+
+
+def test_flow_along_and_across_layers(scene_of, started):
+    """Heads at both ends of a column whose permeability upwards is .2 of that given: a fifth flows."""
+    boundaries = {"top": {"where": row(0.195), "water": {"head": 0.5, "side": "y+"}},
+                  "base": {"where": row(0.005), "water": {"head": 0.1, "side": "y-"}}}  # fmt: skip
+    water = FLOWING | {"anisotropy": [1.0, 0.2], "bulk_modulus": 1e6}
+    sim = started(held(scene_of, water, boundaries, counts=(4, 20), duration=1.0, step=1e-2))
+    sim.run()
+    p = sim.particles
+    head = p.pore_pressure / GAMMA + p.position[:, 1]
+    assert head == pytest.approx(0.1 + 0.4 * p.position[:, 1] / 0.2, rel=0.01)
+    flux = values(sim, ["flux"])["flux"]
+    assert flux[:, 1] == pytest.approx(-0.2 * SPEED * 0.4 / 0.2, rel=0.025)
+    before, steps = histories(sim)["water_inflow"], 5
+    for _ in range(steps):
+        sim.step()
+    assert histories(sim)["water_inflow"] - before == pytest.approx(0.2 * SPEED * 2.0 * 0.04 * steps * 1e-2, rel=0.02)
 
 
 def test_compressed_points_conduct_as_before(scene_of, started):
@@ -91,6 +128,20 @@ def test_faces_of_the_surface(scene_of, started):
     assert 0.5 * face[top, 3] / face[top, 1] == pytest.approx(0.005, rel=0.02)
     inner = (np.abs(p.position - [0, 0.04]) < 0.03).all(axis=1)
     assert not face[inner].any() and np.abs(face[:, :2].sum(axis=0)).max() < 1e-12
+
+
+def test_faces_follow_the_volume(scene_of, started):
+    """A block pressed to .7 of its height takes the same flux through its upper face as before."""
+    boundaries = {"top": {"where": row(0.195), "water": {"flux": SPEED, "side": "y+"}}}
+    sim = started(held(scene_of, FLOWING, boundaries, step=1e-4, counts=(12, 20)))
+    p = sim.particles
+    p.position[:, 1] *= 0.7
+    p.pore_dilation[:] = 0.7
+    rebuild(sim)
+    sim.inflows = sim.stages[0].inflows
+    before = histories(sim)["water_inflow"]
+    sim.step()
+    assert histories(sim)["water_inflow"] - before == pytest.approx(SPEED * 0.12 * sim.dt, rel=0.02)
 
 
 def test_stages_are_of_second_order():
@@ -126,6 +177,8 @@ def test_steady_flow_is_darcys(scene_of, started):
     p, first = sim.particles, histories(sim)
     head = p.pore_pressure / GAMMA + p.position[:, 1]
     assert head == pytest.approx(0.1 + 0.4 * p.position[:, 1] / 0.2, rel=0.01)
+    flux = values(sim, ["flux"])["flux"]
+    assert flux[:, 1] == pytest.approx(-SPEED * 0.4 / 0.2, rel=0.02) and np.abs(flux[:, 0]).max() < 0.05 * SPEED
     for _ in range(20):
         sim.step()
     last = histories(sim)
@@ -183,15 +236,24 @@ def test_flow_through_soils_in_series(scene_of, started):
         p.position[:, 1] < 0.08, p.position[:, 1] > 0.12))  # fmt: skip
     assert lower / upper == pytest.approx(10.0, rel=0.02)
     assert lower == pytest.approx(0.4 / (0.1 + 0.01), rel=0.02)
+    assert values(sim, ["flux"])["flux"][:, 1] == pytest.approx(-SPEED * lower, rel=0.03)
 
 
-def test_what_flow_needs_is_said(scene_of, started):
+def test_what_flow_needs_is_said(scene_of, started, tmp_path):
     scene = scene_of(materials=SAND, pore_water=FLOWING)
     dry = {k: v for k, v in FLOWING.items() if k != "conductivity"}
     with pytest.raises(InputError, match=r"needs a conductivity \(m/s\), or a permeability\s+\(m\^2\)"):
         started(scene | {"pore_water": dry})
     with pytest.raises(InputError, match="one of: conductivity in m/s, permeability in m"):
         parse_scene(scene | {"pore_water": FLOWING | {"permeability": 1e-9}}, ".")
+    with pytest.raises(InputError, match="would pull water of a bulk_modulus of 1000 Pa apart"):
+        parse_scene(scene | {"pore_water": FLOWING | {"suction": 500, "bulk_modulus": 1e3}}, ".")
+    with pytest.raises(WaterError, match=r"too fast for the time step .* are conductivity \(m/s\) and permeability"):
+        started(scene | {"pore_water": dry | {"permeability": 1e-5}}).step()
+    for text, words in (("0,1\n1000\n", "row 2 has 1 columns, not the 2"), ("0,.9\n1000,.5\n", "saturation must be 1")):
+        (tmp_path / "curve.csv").write_text("suction,saturation\n" + text)
+        with pytest.raises(InputError, match=words):
+            started(scene | {"pore_water": FLOWING | {"retention": {"table": "curve.csv"}}}, tmp_path)
     with pytest.raises(InputError, match="there is no material 'sol'"):
         parse_scene(scene | {"pore_water": FLOWING | {"soils": {"sol": {}}}}, ".")
     rain = {"rain": {"where": {"body": "block"}, "water": {"rain": 1e-6}}}

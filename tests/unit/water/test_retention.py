@@ -51,7 +51,8 @@ def test_table_is_a_monotone_interpolation():
     assert table.saturation(20e3, np.zeros(3), np.ones(3)) == pytest.approx([0.6] * 3)
 
 
-@pytest.mark.parametrize("rows", [([0, 1], [1.0, 1.1]), ([0, 0], [1.0, 0.9]), ([0, 1], [0.5, 0.9]), ([0], [1.0])])
+@pytest.mark.parametrize("rows", [([0, 1], [1.0, 1.1]), ([0, 0], [1.0, 0.9]), ([0, 1], [0.5, 0.9]), ([0], [1.0]),
+                                  ([0, 1], [0.9, 0.5])])
 def test_a_table_that_is_no_retention_curve_is_refused(rows):
     with pytest.raises(ValueError, match="retention table"):
         tabulated(*rows)

@@ -1,0 +1,67 @@
+"""What looks wrong about the water of a scene that can be run."""
+
+import numpy as np
+
+_TIGHTEST, _COARSEST = 1e-13, 1e-7  # conductivity of clay, m/s, and permeability of gravel, m^2
+_CLOUDBURST = 1e-4  # m/s, of rain: 360 mm/h
+
+
+def doubts_about_water(scene, sim) -> list[str]:
+    """Remarks on units, on rain from below, and on water tables that hold nothing up, or leave soil wet above."""
+    if scene.pore_water is None:
+        return []
+    return [*_strange_permeability(scene.pore_water), *_strange_rain(scene), *_strange_table(scene, sim)]
+
+
+def _strange_permeability(water) -> list[str]:
+    """A remark on each permeability or conductivity that is of the magnitude of the other."""
+    doubts = []
+    for name, soil in {"pore_water": water, **{f"soil '{k}'": v for k, v in water.soils.items()}}.items():
+        if soil.conductivity is not None and soil.conductivity < _TIGHTEST:
+            doubts.append(
+                f"{name}: a conductivity of {soil.conductivity:.3g} m/s is less than that of any clay; is it a "
+                "permeability in m^2?"
+            )
+        if soil.permeability is not None and soil.permeability > _COARSEST:
+            doubts.append(
+                f"{name}: a permeability of {soil.permeability:.3g} m^2 is more than that of gravel; is it a "
+                "conductivity in m/s?"
+            )
+    return doubts
+
+
+def _strange_rain(scene) -> list[str]:
+    """A remark on rain that never fell, and on rain on faces that look down."""
+    doubts, gravity = [], scene.vector(scene.gravity)
+    for name, boundary in scene.boundaries.items():
+        rain = None if boundary.water is None else boundary.water.rain
+        most = 0.0 if rain is None else max(rain.values)
+        if most > _CLOUDBURST:
+            doubts.append(
+                f"boundary '{name}': a rain of {most:.3g} m/s is more than ever fell ({_CLOUDBURST:g} m/s are 360 "
+                "mm/h); is it in mm/h?"
+            )
+        side = None if boundary.water is None else boundary.water.side
+        if most > 0.0 and side is not None and gravity["xyz".index(side[0])] * (1.0 if side[1] == "+" else -1.0) > 0.0:
+            doubts.append(f"boundary '{name}': no rain falls on faces that look to {side}, down; choose another side")
+    return doubts
+
+
+def _strange_table(scene, sim) -> list[str]:
+    """A remark on a table above all soil without free water there, and on one below which all soil is full."""
+    water, doubts, extent = scene.pore_water, [], sim.extent
+    if water.water_table is None:
+        return []
+    table = water.water_table
+    top = float((np.where(extent.up > 0.0, extent.upper, extent.lower) + sim.origin) @ extent.up)
+    if water.free_water is None and table > top + scene.spacing:
+        doubts.append(
+            f"the water table, {table:.6g} m, is {table - top:.3g} m above all soil, and no water stands there to hold "
+            "up its surface; give free_water, or a lower water_table"
+        )
+    if table < top - scene.spacing and water.largest_suction == 0.0 and water.retention is not None:
+        doubts.append(
+            "above the water table pores are full and without pressure, since largest_suction is 0; give the suction "
+            "to which it grows with height"
+        )
+    return doubts
