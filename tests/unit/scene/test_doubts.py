@@ -101,3 +101,11 @@ def test_a_permeability_in_the_wrong_unit(scene_of):
     assert "1e-05 m^2 is more than that of gravel; is it a conductivity in m/s?" in text
     (text,) = doubts(scene_of(materials=elastic, pore_water=water | {"conductivity": 1e-14}))
     assert "1e-14 m/s is less than that of any clay; is it a permeability in m^2?" in text
+
+
+def test_round_bodies_that_a_lattice_gives_another_volume(scene_of):
+    disc = {"name": "disc", "material": "soil", "shape": {"type": "disc", "center": [0.0, 0.04], "radius": 0.04}}
+    scene = scene_of(spacing=0.01, bodies=[disc])
+    (text,) = doubts(scene)
+    assert text.startswith("the points of body 'disc' have 1.03 times the volume of its shape")
+    assert doubts(scene | {"bodies": [disc | {"lattice": "rings"}]}) == []
