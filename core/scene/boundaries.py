@@ -9,7 +9,6 @@ from periporo.core.numerics.gravity import vertical_axis
 from periporo.core.numerics.histories import AccelerationHistory, without_drift
 from periporo.core.water.boundaries import WaterBoundary
 from periporo.errors import InputError, Problem
-from periporo.io.schema.bodies import Points
 
 _SAME = 1e-6  # spacings by which places that are the same may differ
 
@@ -159,7 +158,7 @@ def _tops_of_columns(scene, lattice, ids, position, axis, sign):
     Places are those before jitter; the cells of displaced points end where those of the grid do.
     """
     reach = np.full(len(ids), 0.5 * scene.spacing)
-    if isinstance(lattice.body.shape, Points):
+    if lattice.table is not None:
         place, cell = position, np.floor((position - lattice.lower) / scene.spacing + 0.5).astype(np.int64)
     else:
         cell = np.stack(np.unravel_index(ids - lattice.first_id, lattice.counts), axis=1)

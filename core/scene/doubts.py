@@ -7,8 +7,11 @@ from periporo.core.numerics import jit
 from periporo.core.numerics.gravity import vertical_axis
 from periporo.core.ranks.reductions import maximum, minimum
 from periporo.core.scene.water_doubts import doubts_about_water
+from periporo.io.geometry.lattice import build_lattices
+from periporo.io.schema.bodies import Cylinder, Disc
 
 _SOFT = 0.05  # weight over bulk modulus
+_STEPPED = 0.01  # of the volume of a round body
 _SHORTER = 0.8  # of the bodies' own time step: what a contact may leave of it
 
 
@@ -21,6 +24,7 @@ def doubts_about(scene, sim) -> list[str]:
         *_histories_before_their_stage(scene),
         *_rest_that_cannot_be(scene),
         *_thin_obstacles(scene),
+        *_stepped_outlines(sim, scene),
         *_stiff_contacts(sim, scene),
         *_doubts_of_laws(sim, scene),
         *doubts_about_water(scene, sim),
@@ -159,6 +163,24 @@ def _thin_obstacles(scene) -> list[str]:
             doubts.append(
                 f"contacts[{number}] ({model.type}) is {thickness:.3g} m thick, less than a spacing: a point that is "
                 "pressed to its middle comes out on the other side; make it thicker"
+            )
+    return doubts
+
+
+def _stepped_outlines(sim, scene) -> list[str]:
+    """A remark on each round body, alone on its lattice, whose steps give it another volume than its shape has."""
+    p, n = sim.particles, sim.particles.owned
+    doubts = []
+    for k, lattice in enumerate(build_lattices(scene)):
+        shape = lattice.body.shape
+        if not isinstance(shape, Disc | Cylinder) or len(lattice.company) > 1 or scene.axisymmetric:
+            continue
+        volume = sim.comm.allreduce(float(p.volume[:n][p.body[:n] == k].sum()))
+        exact = np.pi * shape.radius**2 * (shape.height if isinstance(shape, Cylinder) else 1.0)
+        if volume > 0.0 and abs(volume / exact - 1.0) > _STEPPED:
+            doubts.append(
+                f"the points of body '{lattice.body.name}' have {volume / exact:.3g} times the volume of its shape, "
+                "whose outline the lattice cuts in steps; 'lattice: rings' follows it"
             )
     return doubts
 

@@ -119,7 +119,7 @@ def _slabs(lattice: Lattice, lower: np.ndarray, upper: np.ndarray) -> Iterator[t
     """The box from `lower` to `upper` in slabs along x that hold about CHUNK sites of `lattice` each."""
     layer = math.prod(lattice.counts[1:])
     count = max(1, math.ceil((upper[0] - lower[0]) / lattice.spacing / max(1, CHUNK // layer)))
-    if isinstance(lattice.body.shape, Points):
+    if lattice.table is not None:
         count = 1
     edges = np.linspace(lower[0], upper[0], count + 1)
     for start, stop in zip(edges, edges[1:], strict=False):

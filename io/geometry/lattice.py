@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from periporo.core.numerics.random_numbers import uniform
+from periporo.io.geometry import rings
 from periporo.io.geometry.layers import Layer, layer_of
 from periporo.io.geometry.points import PointTable
 from periporo.io.geometry.shapes import bounds, holds, inside, table
@@ -42,6 +43,7 @@ class Lattice:
         self.company.append(self)
         self.spacing = scene.spacing
         self.dimension = scene.dimension
+        self.on_rings = body.lattice == "rings"
         self.lower, self.upper = bounds(body.shape, scene.dimension)
         self.tolerance = EDGE * scene.spacing
         self._seed = scene.seed
@@ -52,9 +54,11 @@ class Lattice:
 
     @cached_property
     def counts(self) -> tuple[int, ...]:
-        """Cells along each axis; the rows of the file for points from a file."""
-        if self._table is not None:
-            return (len(self._table.positions),)
+        """Cells along each axis; the rows of the table for points that have one."""
+        if self.on_rings:
+            return (rings.number(self.body.shape, self.spacing),)
+        if self.table is not None:
+            return (len(self.table.positions),)
         if len(self.company) == 1:
             return self._own_counts
         last = self._cells_within(self.lower, self.upper)[1]
@@ -83,8 +87,8 @@ class Lattice:
 
     def sites_within(self, lower: np.ndarray, upper: np.ndarray) -> Sites:
         """Points whose places before jitter lie between two corners (d,) m, or on the edge; as `sites`."""
-        if self._table is not None:
-            x, edge = self._table.positions, self.tolerance
+        if self.table is not None:
+            x, edge = self.table.positions, self.tolerance
             return self._points(np.flatnonzero(((x >= lower - edge) & (x <= upper + edge)).all(axis=1)))
         first, last = (cells - self._first_cell for cells in self._cells_within(lower, upper))
         if self._columns is not None:
@@ -113,8 +117,11 @@ class Lattice:
         return self._placed(cells)[0]
 
     @cached_property
-    def _table(self) -> PointTable | None:
+    def table(self) -> PointTable | None:
+        """The points, where they stand in no cells: from a file, or on rings. Every process holds them all."""
         shape = self.body.shape
+        if self.on_rings:
+            return rings.table_of(shape, self.spacing)
         return table(shape, self.dimension) if isinstance(shape, Points) else None
 
     @cached_property
@@ -157,10 +164,10 @@ class Lattice:
 
     def _points(self, index: np.ndarray) -> Sites:
         volumes = np.full(len(index), self.spacing**self.dimension)
-        if self._table is not None:
-            positions = self._table.positions[index]
-            if self._table.volumes is not None:
-                volumes = self._table.volumes[index]
+        if self.table is not None:
+            positions = self.table.positions[index]
+            if self.table.volumes is not None:
+                volumes = self.table.volumes[index]
         else:
             positions, mine = self._placed(np.stack(np.unravel_index(index, self.counts), axis=1))
             index, positions, volumes = index[mine], positions[mine], volumes[mine]
@@ -245,7 +252,7 @@ def _companies(scene: SceneInput) -> list[int]:
     corners = [bounds(body.shape, scene.dimension) for body in scene.bodies]
     for k, body in enumerate(scene.bodies):
         alone = isinstance(body.shape, Points) or (isinstance(body.shape, Raster) and body.shape.conform)
-        if body.lattice == "own" or body.name in touching or body.name in placed or alone:
+        if body.lattice != "shared" or body.name in touching or body.name in placed or alone:
             corners[k] = np.full(scene.dimension, np.inf), np.full(scene.dimension, -np.inf)
         lower, upper = corners[k]
         for j in range(k):
@@ -257,6 +264,6 @@ def _companies(scene: SceneInput) -> list[int]:
 
 def count_points(lattice: Lattice) -> int:
     """Number of points of a body."""
-    if isinstance(lattice.body.shape, Box | Points) and lattice.company[0] is lattice:
+    if lattice.table is not None or (isinstance(lattice.body.shape, Box) and lattice.company[0] is lattice):
         return lattice.size
     return sum(len(ids) for ids, *_ in lattice.chunks())

@@ -179,10 +179,17 @@ class Body(SceneModel):
     jitter: Real = key(
         "largest random shift of a point along each axis", "spacings", default=0.0, ge=0, le=0.3
     )
-    lattice: Literal["shared", "own"] = key(
-        "continue the lattice of the bodies that it meets and bonds with, or have points of its own", default="shared"
+    lattice: Literal["shared", "own", "rings"] = key(
+        "continue the lattice of the bodies that it meets and bonds with, have one of its own, or, a disc or a "
+        "cylinder, have its points on rings, which follow its outline", default="shared"
     )
     layers: tuple[Layer, ...] = key("other materials by level, ascending", default=(), max_length=1000)
+
+    @model_validator(mode="after")
+    def _rings_are_round(self):
+        if self.lattice == "rings" and not isinstance(self.shape, Disc | Cylinder):
+            raise ValueError(f"lattice: rings are for a disc or a cylinder, not for a {self.shape.type}")
+        return self
 
     @model_validator(mode="after")
     def _layers_ascend(self):

@@ -97,6 +97,7 @@ CASES = (
     Case("collapse", collapse.collapse),
     Case("C1", contacts.waves_through_contact),
     Case("C2", contacts.line_contact),
+    Case("C2", contacts.line_contact_on_a_plane),
     Case("C3", contacts.platens),
     Case("C4", contacts.torsion),
     Case("C5", contacts.moving_walls),

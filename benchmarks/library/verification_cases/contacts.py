@@ -1,8 +1,5 @@
 """C1 to C5: contact. Waves through an interface, line contact, platens, torsion, walls that move."""
 
-import tempfile
-from pathlib import Path
-
 import numpy as np
 
 from .common import (
@@ -100,6 +97,33 @@ def _line_contact(points, scheme):
     return width / points, middle / (2.0 * load / (np.pi * points)), f.sum() / load
 
 
+def _on_a_plane(points, rings, scheme):
+    """As `_line_contact` for a disc on a rigid plane: half-width, pressure in the middle, and where it is worst.
+
+    Pressures are those of parts one spacing wide, over Hertz'; the outermost of them, where that ends, are left out.
+    """
+    radius = 5.0 * points
+    modulus = STIFFNESS / (1.0 - POISSON**2)
+    load = np.pi * modulus * points**2 / (4.0 * radius)  # N/m, at a spacing of 1 m
+    disc = {"name": "disc", "material": "soil", "lattice": "rings" if rings else "shared",
+            "shape": {"type": "disc", "center": [0.0, radius], "radius": radius}}  # fmt: skip
+    sim = simulation(
+        1.0, [], scheme=scheme, bodies=[disc], gravity=[0.0, -load / (DENSITY * np.pi * radius**2)],
+        boundaries={"axis": {"where": {"lower": [-0.6, radius], "upper": [0.6, None]}, "fix": ["x"]}},
+        contacts=[{"type": "plane", "point": [0.0, 0.0], "normal": [0.0, 1.0], "friction": 0.0}],
+        stages=[{"name": "settle", "type": "relax", "tolerance": 1e-4, "boundaries": ["axis"]}],
+    )  # fmt: skip
+    sim.start()
+    sim.run()
+    x, f = owned(sim, "position")[:, 0], owned(sim, "contact_force")[:, 1]
+    edges = np.arange(1.0 - points, points)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    found, _ = np.histogram(x, edges, weights=f)
+    pressure = found / (2.0 * load / (np.pi * points) * np.sqrt(1.0 - (middles / points) ** 2))
+    width = 2.0 * np.sqrt((f * x**2).sum() / f.sum()) / points
+    return width, pressure[np.abs(middles) < 2.0].mean(), pressure[np.abs(pressure - 1.0).argmax()]
+
+
 def line_contact(full=False, scheme=DEFAULT):
     """C2: two equal elastic discs pressed together in plane strain, over Hertz (1882)."""
     figures = []
@@ -109,6 +133,23 @@ def line_contact(full=False, scheme=DEFAULT):
         figures.append(Figure(f"{points} points in the half-width: its error", abs(width - 1.0), **targets[0]))
         figures.append(Figure(f"{points} points: error of the largest pressure", abs(pressure - 1.0), **targets[1]))
         figures.append(Figure(f"{points} points: load, over what is above", load, at_least=0.99, at_most=1.01))
+    return figures
+
+
+def line_contact_on_a_plane(full=False, scheme=DEFAULT):
+    """C2: an elastic disc on a rigid plane, its points on rings and on a lattice, over Hertz (1882)."""
+    figures = []
+    for points in (4, 8) if full else (4,):
+        width, pressure, worst = _on_a_plane(points, True, scheme)
+        what = f"{points} points in the half-width, on rings"
+        figures.append(Figure(f"{what}: its error", abs(width - 1.0), at_most=0.08))
+        figures.append(Figure(f"{what}: error of the largest pressure", abs(pressure - 1.0), at_most=0.15))
+        figures.append(Figure(f"{what}: error of the worst pressure", abs(worst - 1.0), at_most=0.15))
+        if full:
+            width, pressure, worst = _on_a_plane(points, False, scheme)
+            figures.append(Figure(f"{points} points, on a lattice: error of the half-width", abs(width - 1.0)))
+            figures.append(Figure(f"{points} points, on a lattice: largest pressure", pressure))
+            figures.append(Figure(f"{points} points, on a lattice: worst pressure", worst))
     return figures
 
 
@@ -151,33 +192,17 @@ def platens(full=False, scheme=DEFAULT):
     return figures
 
 
-def _rings(points, file):
-    """Write a round bar of radius 1 and length 2 as rings of points, each with its part of the section."""
-    spacing, rows = 1.0 / points, []
-    for ring in range(points):
-        count = round(np.pi * (2 * ring + 1))
-        volume = np.pi * (2 * ring + 1) * spacing**3 / count
-        middle = 2.0 / 3.0 * spacing * ((ring + 1) ** 3 - ring**3) / (2 * ring + 1)  # of the sector's mass, nearly
-        for angle in 2.0 * np.pi * (np.arange(count) + 0.5 * ring) / count:
-            for level in range(2 * points):
-                rows.append((middle * np.cos(angle), middle * np.sin(angle), (level + 0.5) * spacing, volume))
-    np.savetxt(file, rows, delimiter=",", header="x,y,z,volume", comments="")
-
-
 def _torque(points, fitted, scheme, turn=1e-4):
     """Torque of a round bar, twisted by `turn` rad/m, over mu turn pi R^4/2; and that by its points' cells."""
     spacing, length = 1.0 / points, 2.0
-    shape = {"type": "cylinder", "base": [0, 0, 0], "axis": "z", "radius": 1.0, "height": length}
-    with tempfile.TemporaryDirectory() as folder:
-        if fitted:
-            shape = {"type": "points", "file": str(Path(folder) / "bar.csv")}
-            _rings(points, shape["file"])
-        sim = simulation(
-            spacing, shape, dimension=3, scheme=scheme,
-            boundaries={"low": {"where": {"upper": [None, None, 2 * spacing]}, "fix": ["x", "y", "z"]},
-                        "high": {"where": {"lower": [None, None, length - 2 * spacing]}, "fix": ["x", "y", "z"]}},
-            stages=[{"name": "settle", "type": "relax", "tolerance": 1e-4, "boundaries": ["low", "high"]}],
-        )  # fmt: skip
+    bar = {"name": "bar", "material": "soil", "lattice": "rings" if fitted else "shared",
+           "shape": {"type": "cylinder", "base": [0, 0, 0], "axis": "z", "radius": 1.0, "height": length}}
+    sim = simulation(
+        spacing, [], dimension=3, scheme=scheme, bodies=[bar],
+        boundaries={"low": {"where": {"upper": [None, None, 2 * spacing]}, "fix": ["x", "y", "z"]},
+                    "high": {"where": {"lower": [None, None, length - 2 * spacing]}, "fix": ["x", "y", "z"]}},
+        stages=[{"name": "settle", "type": "relax", "tolerance": 1e-4, "boundaries": ["low", "high"]}],
+    )  # fmt: skip
     sim.start()
     x = owned(sim, "position").copy()
     twist = ImposedVelocity(lambda q, dt: turn * q[:, 2:] * np.stack([-q[:, 1], q[:, 0], 0.0 * q[:, 0]], axis=1) / dt)

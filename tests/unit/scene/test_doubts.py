@@ -118,3 +118,11 @@ def test_strange_rain_and_water_tables(scene_of):
     (text,) = doubts(scene | {"pore_water": water | table})
     assert "full and without pressure, since largest_suction is 0" in text
     assert doubts(scene | {"pore_water": water | table | {"largest_suction": 1e3}}) == []
+
+
+def test_round_bodies_that_a_lattice_gives_another_volume(scene_of):
+    disc = {"name": "disc", "material": "soil", "shape": {"type": "disc", "center": [0.0, 0.04], "radius": 0.04}}
+    scene = scene_of(spacing=0.01, bodies=[disc])
+    (text,) = doubts(scene)
+    assert text.startswith("the points of body 'disc' have 1.03 times the volume of its shape")
+    assert doubts(scene | {"bodies": [disc | {"lattice": "rings"}]}) == []
