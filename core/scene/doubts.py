@@ -4,11 +4,14 @@ import numpy as np
 
 from periporo.core.motion.timestep import highest_frequency
 from periporo.core.numerics import jit
+from periporo.core.points import fields
 from periporo.core.ranks.reductions import maximum, minimum
-from periporo.core.scene.build import vertical_axis
+from periporo.core.scene.build import output_names, vertical_axis
 
 _SOFT = 0.05  # weight over bulk modulus
 _TIGHTEST, _COARSEST = 1e-13, 1e-7  # conductivity of clay, m/s, and permeability of gravel, m^2
+_LARGE = 1e9  # B, of an output
+_STORED = {2: 3, 4: 6}  # columns of a vector and a tensor of the plane in a file
 _SHORTER = 0.8  # of the bodies' own time step: what a contact may leave of it
 
 
@@ -24,7 +27,22 @@ def doubts_about(scene, sim) -> list[str]:
         *_stiff_contacts(sim, scene),
         *_doubts_of_laws(sim, scene),
         *_strange_permeability(scene),
+        *_large_outputs(sim, scene),
         *jit.remarks,
+    ]
+
+
+def _large_outputs(sim, scene) -> list[str]:
+    """A remark on outputs that one rank would write for long."""
+    available = fields.available(sim)
+    widths = [available[name].columns for name in output_names(scene, sim)]
+    columns = 4 + sum(_STORED.get(width, width) for width in widths)  # id and place, too
+    size = 8 * columns * sim.comm.allreduce(sim.particles.owned)
+    if scene.output.parts is not None or size < _LARGE:
+        return []
+    return [
+        f"an output has {size / 1e9:.2g} GB, and rank 0 writes it alone: with output.parts as many ranks as that says "
+        "write side by side, and checkpoints, too"
     ]
 
 
