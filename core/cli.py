@@ -12,6 +12,7 @@ TOOLS = {  # word -> module with add_arguments and run, and what it does
     "plot": ("periporo.io.pictures.plots", "draw the deposit, the histories and the energy ledger of a result file"),
     "info": ("periporo.io.output.info", "summarise a result file"),
     "compare": ("periporo.io.output.compare", "compare two result files"),
+    "merge": ("periporo.io.output.merge", "make one file of a result file in parts"),
     "export": ("periporo.io.output.export", "export a result file to VTU and CSV"),
     "raster": ("periporo.io.output.rasters", "write depth, speed and arrival of a landslide as rasters"),
     "report": ("periporo.io.pictures.report", "make one HTML page of a result file"),

@@ -27,7 +27,7 @@ from periporo.core.watch.watchdog import Watchdog
 from periporo.core.water import flow
 from periporo.errors import InputError, OutputError
 from periporo.io.geometry.origin import relative
-from periporo.io.output import checkpoint
+from periporo.io.output import checkpoint, parts
 from periporo.io.output.log import Progress
 from periporo.io.output.results import ResultError, open_results
 from periporo.io.output.writer import ResultWriter
@@ -146,8 +146,13 @@ def _start(sim, source, target):
         with naming(source):
             sim.start()
     except InputError:  # seen only now, for example that nothing limits the time step: as if it had not begun
-        everywhere(sim.comm, target.unlink)
+        everywhere(sim.comm, _discard, target)
         raise
+
+
+def _discard(target):
+    parts.remove(target)
+    target.unlink()
 
 
 def _go_on(sim, state, target):
@@ -180,7 +185,7 @@ def _writer(scene, target, sim, names, probes, overwrite, state):
     return ResultWriter(
         target, sim.comm, dimension=scene.dimension, fields=declared, attributes=_attributes(scene, sim),
         history_units=history_units() | flow.UNITS | probes.units | told, overwrite=overwrite,
-        obstacles=any(hasattr(c, "outline") for stage in sim.stages for c in stage.contacts),
+        parts=scene.output.parts, obstacles=any(hasattr(c, "outline") for stage in sim.stages for c in stage.contacts),
         resume_step=None if state is None else state.memory["simulation"]["step_number"],
     )  # fmt: skip
 
@@ -198,13 +203,12 @@ def _keeper(scene, target, writer, walltime, signals, message, began):
     configuration = _fingerprint(scene)
 
     def write(sim):
-        writer.flush()
-        everywhere(sim.comm, checkpoint.sync, target)
+        writer.sync()
         now = sim.step_number, memory(sim), tables(sim)
-        return checkpoint.write(sim.comm, target, *now, configuration, chosen.keep)
+        return checkpoint.write(writer.background, target, *now, configuration, chosen.keep, scene.output.parts)
 
     interval = None if scene.checkpoint is None else chosen.interval
-    return Keeper(write, signals, interval=interval, walltime=walltime, message=message, began=began)
+    return Keeper(write, signals, writer.background, interval=interval, walltime=walltime, message=message, began=began)
 
 
 def _fingerprint(scene) -> str:

@@ -53,3 +53,8 @@ def joined(outlines: dict[int, Outline]) -> Cells:
         np.concatenate(points), np.concatenate(number), np.concatenate(rows).astype(np.int64),
         np.cumsum([0, *map(len, rows)]), np.array(types, np.uint8),
     )  # fmt: skip
+
+
+def drawn(cells: Cells | None) -> Cells:
+    """The cells of what is drawn, also if there is nothing to draw."""
+    return joined({}) if cells is None else cells

@@ -5,13 +5,17 @@ import numpy as np
 from periporo.core.motion.timestep import highest_frequency
 from periporo.core.numerics import jit
 from periporo.core.numerics.gravity import vertical_axis
+from periporo.core.points import fields
 from periporo.core.ranks.reductions import maximum, minimum
+from periporo.core.scene.build import output_names
 from periporo.core.scene.water_doubts import doubts_about_water
 from periporo.io.geometry.lattice import build_lattices
 from periporo.io.schema.bodies import Cylinder, Disc
 
 _SOFT = 0.05  # weight over bulk modulus
 _STEPPED = 0.01  # of the volume of a round body
+_LARGE = 1e9  # B, of an output
+_STORED = {2: 3, 4: 6}  # columns of a vector and a tensor of the plane in a file
 _SHORTER = 0.8  # of the bodies' own time step: what a contact may leave of it
 
 
@@ -29,7 +33,22 @@ def doubts_about(scene, sim) -> list[str]:
         *_doubts_of_laws(sim, scene),
         *doubts_about_water(scene, sim),
         *_unused_boundaries(scene),
+        *_large_outputs(sim, scene),
         *jit.remarks,
+    ]
+
+
+def _large_outputs(sim, scene) -> list[str]:
+    """A remark on outputs that one rank would write for long."""
+    available = fields.available(sim)
+    widths = [available[name].columns for name in output_names(scene, sim)]
+    columns = 4 + sum(_STORED.get(width, width) for width in widths)  # id and place, too
+    size = 8 * columns * sim.comm.allreduce(sim.particles.owned)
+    if scene.output.parts is not None or size < _LARGE:
+        return []
+    return [
+        f"an output has {size / 1e9:.2g} GB, and rank 0 writes it alone: with output.parts as many ranks as that says "
+        "write side by side, and checkpoints, too"
     ]
 
 

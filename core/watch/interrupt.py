@@ -20,6 +20,7 @@ ECHO = 2.0
 """Seconds in which a request to stop may arrive more than once."""
 
 _CHECKPOINT, _STOP, _DUE = 1, 2, 4
+_OF_WRITING = 3  # bits to the left: signs of what is written in the background
 
 
 class Interrupted(Exception):
@@ -56,16 +57,19 @@ class Signals:
 class Keeper:
     """Writes checkpoints at the times that were asked for, and stops the run by `Interrupted` when it is time.
 
-    write: collective function of the simulation that writes a checkpoint and returns its path. signals: a `Signals`.
+    write: collective function of the simulation that has a checkpoint written and returns its path. signals: a
+    `Signals`. background: what is written while steps go on (`io.output.background`); it is looked at as often.
     interval, walltime: s since `began` (by `clock`), None for never; rank 0's clock decides. message: function of a
     text.
     """
 
     def __init__(
-        self, write, signals, *, interval=None, walltime=None, message=print, clock=time.monotonic, began=None
-    ):
+        self, write, signals, background, *, interval=None, walltime=None, message=print, clock=time.monotonic,
+        began=None,
+    ):  # fmt: skip
         self.write = write
         self.signals = signals
+        self.background = background
         self.interval = interval
         self.message = message
         self.clock = clock
@@ -87,11 +91,15 @@ class Keeper:
         """After a step: write a checkpoint if it is time, and raise Interrupted if it is time to stop."""
         if sim.step_number % CHECK_INTERVAL != 0:
             return
-        wishes = np.array([self._wishes(sim.comm.rank)])
+        wishes = np.array([self._wishes(sim.comm.rank) | self.background.signs() << _OF_WRITING])
         sim.comm.Allreduce(MPI.IN_PLACE, wishes, MPI.BOR)
+        self.background.look(wishes[0] >> _OF_WRITING)
+        wishes &= _CHECKPOINT | _STOP | _DUE
         if wishes[0]:
             began = self.clock()
             path = self.write(sim)
+            if wishes[0] != _DUE or self._end < np.inf:  # someone waits for it, or for the time that it takes
+                self.background.settle()
             now = self.clock()
             self._slowest = max(self._slowest, now - began)
             self._next = np.inf if self.interval is None else now + self.interval

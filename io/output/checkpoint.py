@@ -3,12 +3,13 @@
 `/points/<field>` holds a row per point in the order of ids, `/rows_<k>/` ids, stress and state of the active rows of
 material k in the order of their ids; the attribute `memory` is what the parts of the program remember (JSON, whose
 numbers keep every bit), `configuration` the scene. A file has a temporary name until it is whole and on the disk.
-Rank 0 writes what it gathers block by block; every rank reads its own part.
+Rank 0 writes what it gathers block by block, or several ranks write parts, each with a range of ids, in the folder
+`<name>.parts`; the file then joins them by virtual datasets. Every rank reads its own share.
 """
 
-import contextlib
+import functools
 import json
-import os
+import shutil
 from pathlib import Path
 
 import h5py
@@ -16,12 +17,13 @@ import numpy as np
 
 from periporo.core.numerics.jit import program_fingerprint
 from periporo.errors import OutputError
+from periporo.io.output.checkpoint_writer import CheckpointWriter, PartsWriter
+from periporo.io.output.parts import faults
+from periporo.io.output.vtkhdf_layout import folder_of
 
 PROGRAM = program_fingerprint()
 """What wrote a checkpoint: version of the sources and kind of processor, on which bits may depend."""
 
-_BLOCK = 32_768  # ids whose points, or whose rows, rank 0 gathers at once
-_CHUNK = 16_384  # rows
 _NO_ID = np.iinfo(np.int64).max
 
 
@@ -41,8 +43,12 @@ def existing(target: Path) -> list[Path]:
 
 def remove(target: Path, keep: int = 0) -> None:
     """Delete all checkpoints of `target` but the newest `keep`, and what a killed run left half written."""
+    kept = existing(target)[:keep]
     for path in (*existing(target)[keep:], *_beside(target, ".h5.partial")):
         path.unlink(missing_ok=True)
+    for folder in _beside(target, ".parts"):
+        if folder not in map(folder_of, kept):
+            shutil.rmtree(folder)
 
 
 def _beside(target, ending):
@@ -52,125 +58,21 @@ def _beside(target, ending):
     return [p for p in target.absolute().parent.iterdir() if p.name.startswith(start) and p.name.endswith(ending)]
 
 
-def write(comm, target: Path, step: int, memory: dict, tables, configuration: str, keep: int) -> Path:
-    """Write a checkpoint of `step` beside the result file `target` and delete older ones but `keep`; collective.
+def write(background, target: Path, step: int, memory: dict, tables, configuration: str, keep: int, parts=None) -> Path:
+    """Have a checkpoint of `step` written beside the result file `target`, and older ones but `keep` deleted; its path.
 
-    `tables` yields (name, keys (n,), columns by name) of this rank's rows: `points`, and `rows_0`, `rows_1` ... by the
-    ids of their first ends; `memory` is what the parts remember, `configuration` the scene as JSON.
-    Raises OutputError on all ranks alike, when the disk is full for example; the older checkpoints remain then.
+    Collective; done when `background` (`io.output.background`) has settled, which raises OutputError if the disk is
+    full for example; the older checkpoints remain then. `tables` yields (name, keys (n,), columns by name) of this
+    rank's rows: `points`, and `rows_0`, `rows_1` ... by the ids of their first ends; `memory` is what the parts of the
+    program remember, `configuration` the scene as JSON. parts: number of files that several ranks write side by side.
     """
     path = path_of(target, step)
-    file = _Writer(comm, path)
+    file = CheckpointWriter(background, path) if parts is None else PartsWriter(background, path, parts)
     file.begin({"memory": json.dumps(memory), "configuration": configuration, "step": step, "program": PROGRAM})
     for table in tables:
         file.put(*table)
-    file.finish()
-    file.on_rank_0(remove, target, keep)
+    file.finish(functools.partial(remove, target, keep))
     return path
-
-
-class _Writer:
-    """A checkpoint file that is being written; rank 0 holds it, all ranks call."""
-
-    def __init__(self, comm, path: Path):
-        self.comm, self.path = comm, path
-        self._partial = path.with_name(path.name + ".partial")
-        self._file = None
-
-    def begin(self, attributes) -> None:
-        self.on_rank_0(self._open, attributes)
-
-    def put(self, table: str, keys: np.ndarray, columns: dict[str, np.ndarray]) -> None:
-        """Write the rows of all ranks, which are sorted by `keys` (n,); equal keys are all on one rank."""
-        comm = self.comm
-        total = comm.allreduce(len(keys))
-        self.on_rank_0(self._lay_out, table, total, columns)
-        taken = offset = 0
-        while True:
-            smallest = min(comm.allgather(int(keys[taken]) if taken < len(keys) else _NO_ID))
-            if smallest == _NO_ID:
-                return
-            end = int(np.searchsorted(keys, smallest + _BLOCK))
-            offset += self._put_block(table, offset, keys[taken:end], {n: c[taken:end] for n, c in columns.items()})
-            taken = end
-
-    def _put_block(self, table, offset, keys, columns) -> int:
-        counts = self.comm.gather(len(keys))
-        gathered = self._gather(keys, counts)
-        order = None if gathered is None else np.argsort(gathered, kind="stable")
-        for name, rows in columns.items():
-            gathered = self._gather(rows, counts)
-            self.on_rank_0(self._put_rows, f"{table}/{name}", offset, gathered, order)
-        return self.comm.bcast(sum(counts) if counts else None)
-
-    def _gather(self, rows, counts):
-        """The rows of all ranks on rank 0, None elsewhere; bytes, so that every type keeps its bits."""
-        data = np.ascontiguousarray(rows)
-        if self.comm.rank != 0:
-            self.comm.Gatherv(data.view(np.int64).ravel(), None)
-            return None
-        everyone = np.empty((sum(counts), *data.shape[1:]), data.dtype)
-        width = int(np.prod(data.shape[1:]))
-        self.comm.Gatherv(data.view(np.int64).ravel(), [everyone.view(np.int64).ravel(), [width * c for c in counts]])
-        return everyone
-
-    def finish(self) -> None:
-        self.on_rank_0(self._close)
-
-    def on_rank_0(self, action, *arguments) -> None:
-        """Do `action` on rank 0; then all ranks return, or raise the same OutputError."""
-        failure = None
-        if self.comm.rank == 0:
-            try:
-                action(*arguments)
-            except (OSError, RuntimeError) as error:  # h5py raises the one or the other
-                number = getattr(error, "errno", None)
-                failure = f"cannot write the checkpoint {self.path}: {os.strerror(number) if number else error}"
-        failure = self.comm.bcast(failure)
-        if failure is not None:
-            if self.comm.rank == 0:
-                self._give_up()
-            raise OutputError(failure)
-
-    # On rank 0 only
-
-    def _open(self, attributes):
-        self._file = h5py.File(self._partial, "w", libver="latest", locking=False)
-        self._file.attrs.update(attributes)
-
-    def _lay_out(self, table, total, columns):
-        for name, rows in columns.items():
-            shape = (total, *rows.shape[1:])
-            # the checksums tell on reading whether the file was damaged
-            layout = {"chunks": (min(_CHUNK, total), *rows.shape[1:]), "fletcher32": True} if np.prod(shape) else {}
-            self._file.create_dataset(f"{table}/{name}", shape, rows.dtype, **layout)
-
-    def _put_rows(self, name, offset, rows, order):
-        if rows.size:
-            self._file[name][offset : offset + len(rows)] = rows[order]
-
-    def _close(self):
-        self._file.close()
-        self._file = None
-        sync(self._partial)
-        os.replace(self._partial, self.path)
-        sync(self.path.absolute().parent)
-
-    def _give_up(self):
-        with contextlib.suppress(OSError, RuntimeError):  # what went wrong is reported already
-            if self._file is not None:
-                file, self._file = self._file, None
-                file.close()
-            self._partial.unlink(missing_ok=True)
-
-
-def sync(path: Path) -> None:
-    """Bring a file, or a folder's entries, to the disk."""
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 Table = dict[str, np.ndarray]
@@ -189,9 +91,12 @@ def read(path: Path, comm, configuration: str, message=print) -> tuple[Table, li
             foreign = _difference(file, configuration)
             program = file.attrs.get("program")
             if foreign is None:
+                failure = _faults(path, file, comm.rank, comm.size)
+            if foreign is None and failure is None:
                 share = _share(file, comm.rank, comm.size)
+            failure = failure and f"it is damaged: {failure}"
     except (OSError, RuntimeError, KeyError, ValueError) as error:
-        failure = f"it is damaged ({error})"
+        failure = f"it is damaged ({_damaged(path) or error})"
     failure = next((f for f in comm.allgather(failure) if f is not None), None)
     if failure is not None:
         raise CheckpointError(f"checkpoint {path}: {failure}")
@@ -201,6 +106,28 @@ def read(path: Path, comm, configuration: str, message=print) -> tuple[Table, li
         message(f"{path.name} is of another version of periporo, or of another kind of processor: the run goes on, "
                 "but not to the last bit as if it had not been interrupted")  # fmt: skip
     return share
+
+
+def _faults(path, file, rank, ranks):
+    """Which parts are missing or damaged, of those that this rank looks at, in words; None if none is."""
+    rows = {table: group.attrs.get("parts", ()) for table, group in file.items()}
+
+    def is_whole(part, number):
+        return all(len(part[f"{table}/{name}"]) == rows[table][number] for table in rows for name in file[table])
+
+    return faults(path, range(rank, len(rows["points"]), ranks), is_whole)
+
+
+def _damaged(path):
+    """The parts that cannot be read to their end, in words; None if there are none."""
+
+    def is_readable(part, number):
+        for table in part.values():
+            for column in table.values():
+                column[()]
+        return True
+
+    return faults(path, (int(part.stem) for part in folder_of(path).glob("*.h5")), is_readable)
 
 
 def _difference(file, configuration):

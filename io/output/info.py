@@ -4,16 +4,19 @@ from pathlib import Path
 
 import numpy as np
 
+from periporo.io.output.mend import mend
 from periporo.io.output.results import open_results
-from periporo.io.output.vtkhdf_layout import mend
+from periporo.io.output.vtkhdf_layout import folder_of
 
 _MOST_TEXT = 120
 
 
 def describe_results(results):
     """Text: the run, its outputs, the range of the fields at the last one, the histories."""
-    size = results.path.stat().st_size / 1e6
-    lines = [f"{results.path}  ({size:.1f} MB, {results.dimension}D)"]
+    files = [results.path, *folder_of(results.path).glob("*.h5")]
+    size = sum(file.stat().st_size for file in files) / 1e6
+    parts = f" in {len(files) - 2} parts" if len(files) > 1 else ""
+    lines = [f"{results.path}  ({size:.1f} MB{parts}, {results.dimension}D)"]
     lines += [f"  {name:<28}{text}" for name, text in short_attributes(results).items()]
     if "finished" not in results.attributes:
         lines.append("unfinished: the run still goes on, or ended early; --resume goes on from its checkpoint")

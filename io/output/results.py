@@ -9,7 +9,8 @@ import yaml
 
 from periporo.core.numerics.cells import Cells
 from periporo.core.numerics.gravity import vertical_axis
-from periporo.io.output.vtkhdf_layout import COUNTS
+from periporo.io.output.parts import Parts, damage
+from periporo.io.output.vtkhdf_layout import COUNTS, INDEX, Column, Index, folder_of, stored_columns
 from periporo.io.output.water_table import water_table
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ class Results:
     def __init__(self, path: str | Path):
         self.path = Path(path)
         self._file, self._handle = _open(self.path)
+        self._parts: Parts | None = None
         try:
             steps = self._file["VTKHDF/Steps"]
             count = int(steps.attrs["NSteps"])
@@ -57,11 +59,33 @@ class Results:
             self._starts = steps["PointOffsets"][:count]
             self.attributes: dict[str, Any] = dict(self._file["Run"].attrs)
             self.dimension = int(self.attributes.pop("dimension"))
+            self._parts, self._columns = self._rows_and_columns()
             origin = self.attributes.get("origin", np.zeros(3))
             self.origin = np.pad(origin, (0, 3 - len(origin)))  # that places in the file are counted from, m
+        except ResultError:
+            self.close()
+            raise
         except (KeyError, OSError, RuntimeError) as error:
             self.close()
             raise ResultError(f"{self.path} is damaged or not a result file of periporo: {error}") from None
+
+    def _rows_and_columns(self) -> tuple[Parts | None, dict[str, Column]]:
+        """The parts that hold the rows of points, None if this file does; and what columns there are."""
+        rows = Index(self._file).part_rows
+        if rows is None:
+            return None, stored_columns(self._file["VTKHDF"])
+        index = folder_of(self.path) / INDEX
+        if not index.is_file():
+            raise ResultError(f"{self.path} is in parts, and {index} is missing")
+        try:
+            with index.open("rb") as handle, h5py.File(handle, "r") as file:
+                columns = stored_columns(file)
+        except (KeyError, OSError, RuntimeError):
+            raise ResultError(f"{self.path} is in parts, and {index} is damaged") from None
+        problem = damage(self.path, rows, columns)
+        if problem is not None:
+            raise ResultError(f"{self.path}: {problem}")
+        return Parts(self.path, rows), columns
 
     def __enter__(self) -> "Results":
         return self
@@ -75,13 +99,16 @@ class Results:
 
     def close(self) -> None:
         """Close the file."""
+        if self._parts is not None:
+            self._parts.close()
         self._file.close()
         self._handle.close()
 
     @property
     def fields(self) -> tuple[str, ...]:
         """Names of the fields of points."""
-        return tuple(name for name in self._file["VTKHDF/PointData"] if name != "id")
+        names = (name.removeprefix("PointData/") for name in self._columns if name != "Points")
+        return tuple(name for name in names if name != "id")
 
     @property
     def history_names(self) -> tuple[str, ...]:
@@ -97,31 +124,35 @@ class Results:
         """Field `name`, (n,), (n, 3) or (n, 6), at output `step`, or at the output nearest to `time` (s)."""
         if name not in self.fields:
             raise ResultError(f"{self.path} holds no field {name!r}; there are: {', '.join(self.fields)}")
-        return self._rows(f"VTKHDF/PointData/{name}", self.output(step, time))
+        return self._rows(f"PointData/{name}", self.output(step, time))
 
     def positions(self, step: int = -1, *, time: float | None = None) -> np.ndarray:
         """Positions (n, 3) m, in the coordinates of the scene."""
-        return self._rows("VTKHDF/Points", self.output(step, time)) + self.origin
+        return self._rows("Points", self.output(step, time)) + self.origin
 
     def obstacles(self, step: int = -1, *, time: float | None = None) -> list[tuple[int, int, np.ndarray]]:
         """Obstacles as they are drawn: number among the contacts, VTK's kind of cell, and corners (k, 3) m of each."""
+        cells = self.cells(step, time=time)
+        return [] if cells is None else cells.split()
+
+    def cells(self, step: int = -1, *, time: float | None = None) -> Cells | None:
+        """The same as cells that share their points; None where the scene has no obstacles."""
         k = self.output(step, time)
         file, steps = self._file["VTKHDF"], self._file["VTKHDF/Steps"]
         if steps["NumberOfParts"][k] == 1:
-            return []
+            return None
         part = int(steps["PartOffsets"][k]) + 1
         points, count, ids = (int(file[name][part]) for name in COUNTS)
-        start = self._starts[k] + self.point_counts[k]
-        cell = int(steps["CellOffsets"][k]) + self.point_counts[k]
-        connection = int(steps["ConnectivityIdOffsets"][k]) + self.point_counts[k]
-        cells = Cells(
-            file["Points"][start : start + points] + self.origin,
-            -1 - file["PointData/id"][start : start + points],
+        first = int(self.point_counts[k])
+        cell = int(steps["CellOffsets"][k]) + first
+        connection = int(steps["ConnectivityIdOffsets"][k]) + first
+        return Cells(
+            self._rows("Points", k, first, first + points) + self.origin,
+            -1 - self._rows("PointData/id", k, first, first + points),
             file["Connectivity"][connection : connection + ids],
             file["Offsets"][cell + part : cell + part + count + 1],
             file["Types"][cell : cell + count],
         )
-        return cells.split()
 
     def water_table(self, step: int = -1, *, time: float | None = None) -> np.ndarray:
         """The water table: places (m, 3) m where the pressure in the pores falls to zero, one for each column of soil.
@@ -138,19 +169,20 @@ class Results:
 
     def ids(self, step: int = -1, *, time: float | None = None) -> np.ndarray:
         """Global ids (n,), ascending."""
-        return self._rows("VTKHDF/PointData/id", self.output(step, time))
+        return self._rows("PointData/id", self.output(step, time))
 
     def unit(self, name: str) -> str:
         """Unit of a field or of a global figure; '' for numbers without one."""
-        for group in ("VTKHDF/PointData", "History"):
-            if name in self._file[group]:
-                return str(self._file[group][name].attrs.get("unit", ""))
+        if f"PointData/{name}" in self._columns:
+            return self._columns[f"PointData/{name}"].unit
+        if name in self._file["History"]:
+            return str(self._file["History"][name].attrs.get("unit", ""))
         raise ResultError(f"{self.path} holds neither a field nor a history {name!r}")
 
     def components(self, name: str) -> tuple[str, ...]:
         """Names of the components of a field, () for one of a single column."""
         self.unit(name)
-        return tuple(self._file[f"VTKHDF/PointData/{name}"].attrs.get("components", ()))
+        return self._columns[f"PointData/{name}"].components
 
     def history(self, name: str) -> np.ndarray:
         """Global figure `name` (m,) over all recorded steps; 'step' and 'time' are among the names."""
@@ -186,21 +218,25 @@ class Results:
         ids = np.unique(np.concatenate([self.ids(k) for k in outputs] or [np.empty(0)]))
         dataset = xarray.Dataset(coords={"time": self.times, "id": ids, "step": ("time", self.steps)})
         for name in ("Points", *(f"PointData/{field}" for field in self.fields)):
-            stored = self._file[f"VTKHDF/{name}"]
-            values = np.full((len(self), len(ids), *stored.shape[1:]), np.nan)
+            column = self._columns[name]
+            values = np.full((len(self), len(ids), *column.tail), np.nan)
             for k in outputs:
-                rows = self.positions(k) if name == "Points" else self._rows(f"VTKHDF/{name}", k)
+                rows = self.positions(k) if name == "Points" else self._rows(name, k)
                 values[k, np.searchsorted(ids, self.ids(k))] = rows
-            axes = () if stored.ndim == 1 else ("axis",) if stored.shape[1] == 3 else ("component",)
+            axes = () if not column.tail else ("axis",) if column.tail == (3,) else ("component",)
             short = name.removeprefix("PointData/").replace("Points", "position")
-            dataset[short] = (("time", "id", *axes), values, {"units": stored.attrs.get("unit", "")})
-            dataset = dataset.assign_coords({axis: list(stored.attrs["components"]) for axis in axes})
+            dataset[short] = (("time", "id", *axes), values, {"units": column.unit})
+            dataset = dataset.assign_coords({axis: list(column.components) for axis in axes})
         return dataset
 
-    def _rows(self, name: str, k: int) -> np.ndarray:
+    def _rows(self, name: str, k: int, begin: int = 0, end: int | None = None) -> np.ndarray:
+        """Rows of output k, by default those of all points."""
+        end = int(self.point_counts[k]) if end is None else end
         start = self._starts[k]
         try:
-            return self._file[name][start : start + self.point_counts[k]]
+            if self._parts is not None:
+                return self._parts.read(name, k, begin, end)
+            return self._file[f"VTKHDF/{name}"][start + begin : start + end]
         except (OSError, RuntimeError) as error:
             raise ResultError(f"{self.path} is damaged at {name}, output {k}: {error}") from None
 

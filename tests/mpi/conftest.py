@@ -37,6 +37,9 @@ def _datasets(path):
     found = {}
     with h5py.File(path) as file:
         file.visititems(lambda name, item: found.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None)
+        for name in file.get("VTKHDF/PointData", ()):  # behind a link where results are in parts
+            found[f"VTKHDF/PointData/{name}"] = file["VTKHDF/PointData"][name][()]
+        found |= {"VTKHDF/Points": file["VTKHDF/Points"][()]} if "VTKHDF" in file else {}
         return found
 
 

@@ -10,10 +10,15 @@ from mpi4py import MPI
 from periporo.core.watch.state import State, StateError, capture, install, memory, point_fields, resume, tables
 from periporo.errors import OutputError
 from periporo.io.output import checkpoint
+from periporo.io.output.background import Background
 
 
-def write(sim, target, configuration, keep):
-    return checkpoint.write(sim.comm, target, sim.step_number, memory(sim), tables(sim), configuration, keep)
+def write(sim, target, configuration, keep, parts=None):
+    background = Background(sim.comm)
+    path = checkpoint.write(background, target, sim.step_number, memory(sim), tables(sim), configuration, keep, parts)
+    background.settle()
+    background.close()
+    return path
 
 
 def read(path, *arguments):
@@ -37,7 +42,31 @@ def test_a_file_holds_the_state(sim, tmp_path):
     assert sim.bonds.blocks[0].active.sum() == len(state.rows[0].ids)
 
 
+def test_parts_are_read_as_one_and_told_by_name(sim, tmp_path):
+    path = write(sim, tmp_path / "run.h5", "{}", keep=1, parts=3)
+    state, kept, folder = read(path, "{}"), capture(sim), path.with_name(f"{path.name}.parts")
+    assert all(np.array_equal(state.points[name], kept.points[name]) for name in kept.points)
+    assert np.array_equal(state.rows[0].state, kept.rows[0].state)
+    part = folder / "0001.h5"
+    whole = part.read_bytes()
+    with h5py.File(part) as file:
+        place = file["points/velocity"].id.get_chunk_info(0).byte_offset
+    flipped = bytearray(whole)
+    flipped[place + 9] ^= 1
+    for spoilt in (flipped, whole[:3000]):
+        part.write_bytes(spoilt)
+        with pytest.raises(checkpoint.CheckpointError, match=r"it is damaged.*.h5.parts 0001.h5 is damaged"):
+            read(path, "{}")
+    part.unlink()
+    with pytest.raises(checkpoint.CheckpointError, match="0001.h5 is missing"):
+        read(path, "{}")
+    sim.step_number = 20
+    write(sim, tmp_path / "run.h5", "{}", keep=1, parts=3)
+    assert not path.exists() and not folder.exists()
+
+
 def test_the_last_ones_are_kept_and_halves_swept_away(sim, tmp_path):
+    (tmp_path / "run.checkpoint-000000000007.h5.parts").mkdir()
     (tmp_path / "run.checkpoint-000000000007.h5.partial").write_bytes(b"half")
     (tmp_path / "other.checkpoint-000000000001.h5").write_bytes(b"another run's")
     for sim.step_number in (10, 20, 30):

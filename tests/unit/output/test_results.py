@@ -87,8 +87,10 @@ def test_file_without_output(tmp_path):
 def test_a_reader_sees_the_run_as_it_was_when_opened(tmp_path):
     with ResultWriter(tmp_path / "run.h5", MPI.COMM_SELF, dimension=2, fields={}) as writer:
         writer.write(0.0, 0, [0], [[1.0, 2.0]], {})
+        writer.flush()
         with open_results(tmp_path / "run.h5") as early:
             writer.write(1.0, 1, [0, 1], [[1.0, 2.0], [3.0, 4.0]], {})
+            writer.flush()
             assert len(early) == 1 and np.array_equal(early.positions(), [[1.0, 2.0, 0.0]])
         with open_results(tmp_path / "run.h5") as late:
             assert len(late) == 2 and len(late.ids()) == 2
@@ -122,8 +124,10 @@ def test_a_running_file_is_read_as_it_is_now_whatever_the_environment_says_of_lo
         "path = sys.argv[1]\n"
         "with ResultWriter(path, MPI.COMM_SELF, dimension=2, fields={}) as writer:\n"
         "    writer.write(0.0, 0, [0, 1], np.zeros((2, 2)), {})\n"
+        "    writer.flush()\n"
         "    early = open_results(path)\n"
         "    writer.write(1.0, 1, [0, 1], np.ones((2, 2)), {})\n"
+        "    writer.flush()\n"
         "    late = open_results(path)\n"
         "    print(len(early), len(late), late.positions()[1, 0])\n"
         "    look = 'import sys; from periporo import open_results; print(len(open_results(sys.argv[1])))'\n"

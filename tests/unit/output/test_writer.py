@@ -16,6 +16,7 @@ from periporo.core.numerics.cells import QUAD, joined
 from periporo.errors import OutputError
 from periporo.io.output import vtkhdf_layout
 from periporo.io.output.lock import Lock
+from periporo.io.output.mend import mend
 from periporo.io.output.results import open_results
 from periporo.io.output.vtkhdf import ResultFile
 from periporo.io.output.vtkhdf_layout import Index
@@ -101,14 +102,19 @@ def test_vtk_reads_every_step(tmp_path):
 
 
 @pytest.mark.parametrize("ranks", [2, 3])
-def test_file_is_the_same_to_the_byte_on_any_number_of_ranks(tmp_path, ranks):
+def test_files_are_the_same_to_the_byte_on_any_number_of_ranks(tmp_path, ranks):
     write_outputs(tmp_path / "one.h5", MPI.COMM_SELF, attributes={"version": "1"})
+    (tmp_path / "alone").mkdir()
+    write_outputs(tmp_path / "alone" / "run.h5", MPI.COMM_SELF, parts=5)
     body = ("import importlib.util\nspec = importlib.util.spec_from_file_location('cases', sys.argv[1])\n"
             "cases = importlib.util.module_from_spec(spec)\nspec.loader.exec_module(cases)\n"
-            "cases.write_outputs(sys.argv[2], world, attributes={'version': '1'})\n")
-    done = script(body, __file__, tmp_path / "many.h5", ranks=ranks)
+            "cases.write_outputs(sys.argv[2], world, attributes={'version': '1'})\n"
+            "cases.write_outputs(sys.argv[3], world, parts=5)\n")
+    done = script(body, __file__, tmp_path / "many.h5", tmp_path / "run.h5", ranks=ranks)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "one.h5").read_bytes() == (tmp_path / "many.h5").read_bytes()
+    for name in ("run.h5", *(f"run.h5.parts/000{part}.h5" for part in range(5))):
+        assert (tmp_path / "alone" / name).read_bytes() == (tmp_path / name).read_bytes(), name
 
 
 def test_units_components_and_attributes(tmp_path):
@@ -131,6 +137,7 @@ def test_file_is_complete_after_each_output_while_open(tmp_path):
             ids = np.arange(COUNTS[k])
             writer.append_history({"step": k})
             writer.write(float(k), k, ids, *values_at(ids, k))
+            writer.flush()
             with open_results(path) as results:
                 assert len(results) == k + 1 and len(results.history("step")) == k + 1
         writer.append_history({"step": 3})
@@ -212,18 +219,24 @@ def test_an_output_without_points(tmp_path):
 ENDLESS = """
 n = 3000
 ids, position = np.arange(n), np.random.default_rng(0).random((n, 2))
-with ResultWriter(sys.argv[1], world, dimension=2, fields={"stress": (4, "Pa")}, overwrite=True) as writer:
+parts = int(sys.argv[2]) if sys.argv[2] else None
+options = {"overwrite": True, "parts": parts}
+with ResultWriter(sys.argv[1], world, dimension=2, fields={"stress": (4, "Pa")}, **options) as writer:
     for k in range(10**6):
         writer.append_history({"step": k, "time": 0.1 * k})
         writer.write(0.1 * k, k, ids, position + k, {"stress": np.full((n, 4), k)})
+        writer.flush()
         print(k, flush=True)
 """
 
 
-@pytest.mark.parametrize(("outputs", "delay"), [(1, 0.0), (3, 0.001), (10, 0.002), (11, 0.003), (30, 0.004)])
-def test_killed_process_leaves_a_readable_file(tmp_path, outputs, delay):
+@pytest.mark.parametrize(("outputs", "delay", "parts"), [
+    (1, 0.0, None), (3, 0.001, 2), (10, 0.002, None), (11, 0.003, 3), (30, 0.004, None),
+])  # fmt: skip
+def test_killed_process_leaves_a_readable_file(tmp_path, outputs, delay, parts):
     path = tmp_path / "run.h5"
-    process = subprocess.Popen([sys.executable, "-c", HEAD + ENDLESS, path], stdout=subprocess.PIPE)
+    command = [sys.executable, "-c", HEAD + ENDLESS, path, str(parts or "")]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE)
     try:
         for k in range(outputs):
             assert int(process.stdout.readline()) == k
@@ -240,7 +253,7 @@ def test_killed_process_leaves_a_readable_file(tmp_path, outputs, delay):
             assert results.steps[k] == results.history("step")[k] == k
         last = int(results.steps[-1])
     with ResultWriter(path, MPI.COMM_SELF, dimension=2, fields={"stress": (4, "Pa")},
-                      resume_step=last) as writer:
+                      resume_step=last, parts=parts) as writer:
         writer.write(0.1, last + 1, [8], [[1.0, 2.0]], {"stress": [[1.0, 2.0, 3.0, 4.0]]})
     with open_results(path) as results:
         assert len(results) == last + 2 and np.all(results.field("stress", last)[:, :4] == last)
@@ -251,8 +264,8 @@ SQUARE = joined({0: (np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]),
 OUTPUTS = ((300, None), (300, SQUARE), (300, SQUARE), (299, SQUARE), (299, None))  # points, obstacles
 
 
-def write_with_obstacles(path):
-    with ResultWriter(path, MPI.COMM_SELF, dimension=2, fields=FIELDS, obstacles=True) as writer:
+def write_with_obstacles(path, **options):
+    with ResultWriter(path, MPI.COMM_SELF, dimension=2, fields=FIELDS, obstacles=True, **options) as writer:
         for k, (count, cells) in enumerate(OUTPUTS):
             writer.append_history({"step": k})
             writer.write(float(k), k, np.arange(count), *values_at(np.arange(count), k), cells)
@@ -287,8 +300,9 @@ def seen_by_vtk(path, outputs=OUTPUTS):
     return len(times)
 
 
-def test_obstacles_are_a_second_part(tmp_path):
-    write_with_obstacles(tmp_path / "run.vtkhdf")
+@pytest.mark.parametrize("parts", [None, 2])
+def test_obstacles_follow_the_points(tmp_path, parts):
+    write_with_obstacles(tmp_path / "run.vtkhdf", parts=parts)
     assert seen_by_vtk(tmp_path / "run.vtkhdf") == len(OUTPUTS)
     with open_results(tmp_path / "run.vtkhdf") as results:
         for k, (count, _) in enumerate(OUTPUTS):
@@ -296,9 +310,11 @@ def test_obstacles_are_a_second_part(tmp_path):
             assert np.array_equal(results.ids(k), np.arange(count))
             assert np.array_equal(results.positions(k)[:, :2], position)
             assert np.array_equal(results.field("speed", k), fields["speed"])
-    cut = tmp_path / "cut.vtkhdf"
-    shutil.copy(tmp_path / "run.vtkhdf", cut)
-    with ResultWriter(cut, MPI.COMM_SELF, dimension=2, fields=FIELDS, obstacles=True, resume_step=1) as writer:
+            assert [len(corners) for _, _, corners in results.obstacles(k)] == ([] if OUTPUTS[k][1] is None else [4])
+    cut = tmp_path / "cut" / "run.vtkhdf"
+    shutil.copytree(tmp_path, cut.parent)
+    options = {"obstacles": True, "resume_step": 1, "parts": parts}
+    with ResultWriter(cut, MPI.COMM_SELF, dimension=2, fields=FIELDS, **options) as writer:
         for k, (count, cells) in enumerate(OUTPUTS[2:], 2):
             writer.append_history({"step": k})
             writer.write(float(k), k, np.arange(count), *values_at(np.arange(count), k), cells)
@@ -308,7 +324,7 @@ def test_obstacles_are_a_second_part(tmp_path):
 def same_datasets(first, second):
     """Check that two files hold the same; the number of datasets."""
     with h5py.File(first) as a, h5py.File(second) as b:
-        names = []
+        names = ["VTKHDF/Points", *(f"VTKHDF/PointData/{name}" for name in a["VTKHDF/PointData"])]  # may be linked
         a.visititems(lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None)
         for name in names:
             assert np.array_equal(a[name][()], b[name][()], equal_nan=a[name].dtype.kind == "f"), name
@@ -366,6 +382,7 @@ def test_file_is_readable_wherever_the_process_is_killed(tmp_path, monkeypatch):
         for k in range(3):
             writer.append_history({"step": k})
             writer.write(float(k), k, [0, 1], [[k, 0.0], [k, 1.0]], {"speed": [k, k]})
+            writer.flush()
             done.append(len(writes))
         writer.close()
         monkeypatch.undo()
@@ -384,9 +401,9 @@ def test_file_is_readable_wherever_the_process_is_killed(tmp_path, monkeypatch):
             continue
         prefix.write_bytes(image)
         check(prefix, number)
-        if number % 6 == 0 and vtkhdf_layout.mend(prefix) is not None:
+        if number % 6 == 0 and mend(prefix) is not None:
             check(prefix, number)
-            assert vtkhdf_layout.mend(prefix) is None
+            assert mend(prefix) is None
             mended += 1
     assert mended > 3
 
@@ -417,8 +434,8 @@ def test_an_output_of_many_blocks(tmp_path):
     with h5py.File(path) as file:
         grid = file["VTKHDF"]
         assert np.array_equal(grid["Connectivity"], np.arange(n))
-        assert np.array_equal(grid["Offsets"], np.tile(np.arange(n + 1), 2))
-        assert np.array_equal(grid["Types"], np.ones(2 * n))
+        assert np.array_equal(grid["Offsets"], np.arange(n + 1))  # both outputs have the same cells
+        assert np.array_equal(grid["Types"], np.ones(n))
         assert np.array_equal(grid["PointData/id"], np.tile(np.arange(n), 2))
         assert np.array_equal(grid["Points"][:, 1], np.tile(-np.arange(n), 2))
 
@@ -429,7 +446,8 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (3_000_000, 3_000_000))
 n = 3000
 ids = np.arange(n)[world.rank :: world.size]
 try:
-    with ResultWriter(sys.argv[1], world, dimension=2, fields={"stress": (4, "Pa")}) as writer:
+    parts = int(sys.argv[2]) if sys.argv[2] else None
+    with ResultWriter(sys.argv[1], world, dimension=2, fields={"stress": (4, "Pa")}, parts=parts) as writer:
         for k in range(1000):
             writer.append_history({"step": k})
             writer.write(0.1 * k, k, ids, np.zeros((len(ids), 2)), {"stress": np.full((len(ids), 4), k)})
@@ -438,10 +456,10 @@ except OutputError as error:
 """
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_full_disk_is_an_error_on_all_ranks_and_the_file_stays_whole(tmp_path, ranks):
+@pytest.mark.parametrize(("ranks", "parts"), [(1, None), (2, None), (2, 3)])
+def test_full_disk_is_an_error_on_all_ranks_and_the_file_stays_whole(tmp_path, ranks, parts):
     path = tmp_path / "run.h5"
-    done = script(FULL_DISK, path, ranks=ranks)
+    done = script(FULL_DISK, path, parts or "", ranks=ranks)
     assert done.returncode == 0, done.stderr
     for rank in range(ranks):
         assert f"rank {rank} output" in done.stdout

@@ -9,6 +9,7 @@ from mpi4py import MPI
 from periporo.core.watch import interrupt
 from periporo.core.watch.interrupt import Interrupted, Keeper, Signals
 from periporo.io.output import checkpoint
+from periporo.io.output.background import Background
 
 
 class Clock:
@@ -27,7 +28,8 @@ def keeper_of(clock, signals=None, **times):
         written.append(sim.step_number)
         return checkpoint.path_of(checkpoint.Path("run.h5"), sim.step_number)
 
-    return Keeper(write, signals or Signals(), clock=clock, message=written.append, **times), written
+    writing = Background(MPI.COMM_SELF)
+    return Keeper(write, signals or Signals(), writing, clock=clock, message=written.append, **times), written
 
 
 def advance(keeper, clock, steps):
