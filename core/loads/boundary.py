@@ -170,7 +170,7 @@ class Gravity:
 
 
 class Traction:
-    """A dead load, the same `force` (d,) N (per metre of a ring's face) on a face of each of the points `ids`, sorted.
+    """A dead load, a `force` (ids, d) N (per metre of a ring's face) on a face of each of the points `ids`, sorted.
 
     The faces are `lever` (ids, d) m away from their points when the scene begins, and turn with them from then on, in
     the point field `face_<name>`.
@@ -182,7 +182,7 @@ class Traction:
         self.force = force
         self.lever = lever
         self.face = f"face_{name}"
-        self._found: tuple[np.ndarray, np.ndarray] | None = None  # ids of the points, and the rows among them
+        self._found: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # ids of the points, rows, their forces
 
     output = ()
 
@@ -194,7 +194,7 @@ class Traction:
         forces.need("external", on_faces=True)
         if self.face not in p.fields:
             p.add_field(Field(self.face, p.dimension, "m", sent=False))
-            rows = self._rows(p)
+            rows, _ = self._rows(p)
             getattr(p, self.face)[rows] = self.lever[np.searchsorted(self.ids, p.id[rows])]
             processes.append(self)
 
@@ -205,15 +205,15 @@ class Traction:
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Add to the external force."""
         _load_faces(
-            self._rows(p), self.force, getattr(p, self.face), p.share, p.widths(), p.external_force, p.external_moment,
-            p.dim,
-        )  # fmt: skip
+            *self._rows(p), getattr(p, self.face), p.share, p.widths(), p.external_force, p.external_moment, p.dim
+        )
 
     def _rows(self, p):
-        """Owned rows of the points; found anew when a rebuild has moved them."""
+        """Owned rows of the points, and their forces; found anew when a rebuild has moved them."""
         if self._found is None or self._found[0] is not p.id:
-            self._found = p.id, np.flatnonzero(np.isin(p.id[: p.owned], self.ids, assume_unique=True))
-        return self._found[1]
+            rows = np.flatnonzero(np.isin(p.id[: p.owned], self.ids, assume_unique=True))
+            self._found = p.id, rows, self.force[np.searchsorted(self.ids, p.id[rows])]
+        return self._found[1:]
 
 
 class ViscousDamping:
@@ -244,7 +244,7 @@ def _load_faces(rows, force, face, share, width, external, moment, dim):
         i = rows[k]
         for a in range(len(dim)):
             lever[a] = share[i, 1] * face[i, a]
-            load[a] = force[a] * (width[i] + 2.0 * np.pi * face[i, 0]) if width.shape[0] > 0 else force[a]
+            load[a] = force[k, a] * (width[i] + 2.0 * np.pi * face[i, 0]) if width.shape[0] > 0 else force[k, a]
         add_face_force(external, moment, i, load, lever)
 
 

@@ -9,6 +9,7 @@ from periporo.core.numerics.gravity import vertical_axis
 from periporo.core.numerics.histories import AccelerationHistory, without_drift
 from periporo.core.water.boundaries import WaterBoundary
 from periporo.errors import InputError, Problem
+from periporo.io.geometry import rings
 
 _SAME = 1e-6  # spacings by which places that are the same may differ
 
@@ -111,10 +112,10 @@ def _selected(scene, region, lattices):
 def _traction(scene, name, model, sites):
     """The load on the outermost of the selected points, at the faces of their cells."""
     axis, sign = "xyz".index(model.side[0]), 1.0 if model.side[1] == "+" else -1.0
-    ids, reach = _outermost(scene, sites, axis, sign)
+    ids, reach, area = _outermost(scene, sites, axis, sign)
     order = np.argsort(ids)
     lever = reach[order, None] * sign * np.eye(scene.dimension)[axis]
-    return Traction(name, ids[order], np.array(model.stress) * scene.spacing ** (scene.dimension - 1), lever)
+    return Traction(name, ids[order], np.array(model.stress) * area[order, None], lever)
 
 
 def _tied(scene, name, axes, sites, comm):
@@ -136,29 +137,31 @@ def _absorbing(scene, name, model, sites):
 
 
 def _outermost(scene, sites, axis, sign):
-    """Of the points that have no other selected point beside them on a side: ids (n,), and reach of cells (n,) m.
+    """Of the points that have no other selected point beside them on a side: ids (n,), reach (n,) m and area of cells.
 
-    Whatever body it belongs to: of bodies that stand on each other the last one is loaded.
+    Areas (n,) are in m^(d-1). Whatever body it belongs to: of bodies that stand on each other the last one is loaded.
     """
     tops = [_tops_of_columns(scene, *site, axis, sign) for site in sites]
-    ids, reaches = [], []
-    for k, (own, reach, place) in enumerate(tops):
+    found = []
+    for k, (own, reach, area, place) in enumerate(tops):
         free = np.ones(len(own), bool)
-        for n, (_, _, other) in enumerate(tops):
+        for n, (*_, other) in enumerate(tops):
             if n != k:
                 free &= ~_is_covered(place, other, axis, sign, scene.spacing)
-        ids.append(own[free])
-        reaches.append(reach[free])
-    return np.concatenate(ids), np.concatenate(reaches)
+        found.append((own[free], reach[free], area[free]))
+    return tuple(np.concatenate(parts) for parts in zip(*found, strict=True))
 
 
 def _tops_of_columns(scene, lattice, ids, position, axis, sign):
-    """The last point of every column of a lattice along an axis: ids (m,), reach of cells (m,) m, and places (m, d).
+    """The last point of every column of a lattice along an axis: ids (m,), and of cells reach (m,) m and area (m,).
 
-    Places are those before jitter; the cells of displaced points end where those of the grid do.
+    And places (m, d): they are those before jitter; the cells of displaced points end where those of the grid do.
     """
     reach = np.full(len(ids), 0.5 * scene.spacing)
-    if lattice.table is not None:
+    area = np.full(len(ids), scene.spacing ** (scene.dimension - 1))
+    if lattice.round is not None:
+        place, (cell, area) = position, rings.columns(lattice.round, scene.spacing, ids - lattice.first_id, axis)
+    elif lattice.table is not None:
         place, cell = position, np.floor((position - lattice.lower) / scene.spacing + 0.5).astype(np.int64)
     else:
         cell = np.stack(np.unravel_index(ids - lattice.first_id, lattice.counts), axis=1)
@@ -170,7 +173,7 @@ def _tops_of_columns(scene, lattice, ids, position, axis, sign):
     last = np.ones(len(order), bool)
     last[:-1] = (column[1:] != column[:-1]).any(axis=1)
     rows = order[last]
-    return ids[rows], reach[rows], place[rows]
+    return ids[rows], reach[rows], area[rows], place[rows]
 
 
 def _is_covered(place, other, axis, sign, spacing):

@@ -33,7 +33,7 @@ class Lattice:
 
     `size` sites, numbered from the global id `first_id`; not every site lies inside the shape. `material` is the
     index of the body's material, `layers` lists (level, index) of those above, ascending. `company` are the bodies
-    that share a lattice with this one, and itself, in the order of the scene.
+    that share a lattice with this one, and itself, in the order of the scene; `round` is a shape filled with rings.
     """
 
     def __init__(self, scene: SceneInput, body: Body, company: "list[Lattice] | None" = None):
@@ -43,7 +43,7 @@ class Lattice:
         self.company.append(self)
         self.spacing = scene.spacing
         self.dimension = scene.dimension
-        self.on_rings = body.lattice == "rings"
+        self.round = body.shape if body.lattice == "rings" and isinstance(body.shape, Disc | Cylinder) else None
         self.lower, self.upper = bounds(body.shape, scene.dimension)
         self.tolerance = EDGE * scene.spacing
         self._seed = scene.seed
@@ -55,8 +55,8 @@ class Lattice:
     @cached_property
     def counts(self) -> tuple[int, ...]:
         """Cells along each axis; the rows of the table for points that have one."""
-        if self.on_rings:
-            return (rings.number(self.body.shape, self.spacing),)
+        if self.round is not None:
+            return (rings.number(self.round, self.spacing),)
         if self.table is not None:
             return (len(self.table.positions),)
         if len(self.company) == 1:
@@ -120,8 +120,8 @@ class Lattice:
     def table(self) -> PointTable | None:
         """The points, where they stand in no cells: from a file, or on rings. Every process holds them all."""
         shape = self.body.shape
-        if self.on_rings:
-            return rings.table_of(shape, self.spacing)
+        if self.round is not None:
+            return rings.table_of(self.round, self.spacing)
         return table(shape, self.dimension) if isinstance(shape, Points) else None
 
     @cached_property

@@ -42,6 +42,22 @@ def section(radius: float, spacing: float) -> np.ndarray:
     return np.concatenate(places)
 
 
+def columns(shape: Disc | Cylinder, spacing: float, index: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
+    """Columns along an axis that the points `index` (n,) of the table are in, and the areas (n,) m^(d-1) of these.
+
+    Columns are numbers (n, d), of which that along the axis says nothing. Across a section they are as wide as a ring.
+    """
+    width, levels = shape.radius / _rings(shape.radius, spacing), _levels(shape, spacing)
+    places = section(shape.radius, spacing)
+    cell = np.floor((places + shape.radius) / width).astype(np.int64)[index // levels]
+    if isinstance(shape, Disc):
+        return cell, np.full(len(index), width)
+    along, area = "xyz".index(shape.axis), width * shape.height / levels
+    if axis == along:
+        cell[:, 0], cell[:, 1], area = index // levels, 0, np.pi * shape.radius**2 / len(places)
+    return np.insert(cell, along, index % levels, axis=1), np.full(len(index), area)
+
+
 def _rings(radius, spacing):
     return max(1, round(radius / spacing))
 

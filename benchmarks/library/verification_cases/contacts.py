@@ -264,7 +264,7 @@ def moving_walls(full=False, scheme=DEFAULT):
     for what, passive, cohesion in cases if full else cases[:1]:
         force = _on_a_wall(20, passive, scheme, cohesion)
         figures.append(Figure(f"{what}, 20 points of height", force, at_least=0.97, at_most=1.03))
-        if full:
-            force = _on_a_wall(20, passive, scheme, cohesion, dilation=0.0)
-            figures.append(Figure(f"{what}, without dilation", force))
+        for points in (10, 20) if full else ():
+            force = _on_a_wall(points, passive, scheme, cohesion, dilation=0.0)
+            figures.append(Figure(f"{what}, without dilation, {points} points", force))
     return figures

@@ -70,7 +70,7 @@ def test_weight_traction_and_damping(block):
     p = block.particles
     p.damping_force = np.zeros((16, 2))
     p.velocity[:] = [2.0, -1.0]
-    traction = Traction("t", np.array([1, 4]), np.array([3.0, 0.5]), np.array([[0.0, 0.2], [0.1, 0.0]]))
+    traction = Traction("t", np.array([1, 4]), np.array([[3.0, 0.5], [3.0, 0.5]]), np.array([[0.0, 0.2], [0.1, 0.0]]))
     traction.attach(p, block.forces, block.point_processes)
     p.external_force[:] = 0.0
     for load in (Gravity(np.array([0.0, -10.0])), traction, ViscousDamping(7.0)):
@@ -96,7 +96,7 @@ def test_loads_on_faces_keep_the_moment_of_momentum_and_do_their_own_work(cloud,
         p, random = sim.particles, np.random.default_rng(dimension)
         ids = np.flatnonzero(position[:, 1] > 3.4 * SPACING)
         force, lever = random.normal(size=dimension), random.normal(size=(len(ids), dimension)) * SPACING
-        load = Traction("t", ids, force, lever)
+        load = Traction("t", ids, np.tile(force, (len(ids), 1)), lever)
         load.attach(p, sim.forces, sim.point_processes)
         p.velocity[:] = random.normal(size=p.velocity.shape)
         p.external_moment[:] = 0.0
@@ -117,7 +117,7 @@ def test_loads_on_faces_keep_the_moment_of_momentum_and_do_their_own_work(cloud,
 
 def test_faces_turn_with_their_points(block):
     p = block.particles
-    load = Traction("t", np.array([5]), np.array([0.0, 0.0]), np.array([[0.3, 0.0]]))
+    load = Traction("t", np.array([5]), np.array([[0.0, 0.0]]), np.array([[0.3, 0.0]]))
     load.attach(p, block.forces, block.point_processes)
     steps = 100
     p.gradient[:] = np.sin(0.5 * np.pi / steps) * np.array([0.0, -1.0, 1.0, 0.0])

@@ -56,12 +56,26 @@ def test_relaxation_holds_what_would_move(scene_of):
 def test_traction_loads_the_outermost_points_once(scene_of):
     load, scene = boundary(scene_of, {"where": TOP, "traction": {"stress": [0.0, -2e3], "side": "y+"}})
     assert isinstance(load, Traction) and len(load.ids) == 10  # 10 x 8 points
-    assert load.force * len(load.ids) == pytest.approx([0.0, -2e3 * 0.1])
+    assert load.force.sum(axis=0) == pytest.approx([0.0, -2e3 * 0.1])
     assert load.lever == pytest.approx(np.tile([0.0, 0.005], (10, 1)), abs=1e-15)
     position = np.concatenate([x for _, x, *_ in build_lattices(scene)[0].chunks()])
     assert position[load.ids, 1] == pytest.approx(0.075)
     side, _ = boundary(scene_of, {"where": TOP, "traction": {"stress": [1e3, 0.0], "side": "x-"}})
     assert len(side.ids) == 2 and position[side.ids, 0] == pytest.approx(-0.045)
+
+
+@pytest.mark.parametrize(("side", "axis", "area"), [("x+", 0, 0.08), ("y-", 1, 0.08), ("z+", 2, np.pi * 0.04**2)])
+def test_traction_on_rings_of_points_loads_the_whole_of_their_section(scene_of, side, axis, area):
+    shape = {"type": "cylinder", "base": [0.0, 0.0, 0.0], "axis": "z", "radius": 0.04, "height": 1.0}
+    stress = [1e3 * (a == axis) for a in range(3)]
+    load, scene = boundary(
+        scene_of, {"where": {"body": "b"}, "traction": {"stress": stress, "side": side}}, dimension=3, spacing=0.01,
+        bodies=[{"name": "b", "material": "soil", "shape": shape, "lattice": "rings"}], gravity=[0, 0, 0], contacts=[],
+    )  # fmt: skip
+    assert load.force.sum(axis=0) == pytest.approx(np.array(stress) * area)
+    x = build_lattices(scene)[0].table.positions[load.ids]
+    outside = np.sqrt((x[:, :2] ** 2).sum(axis=1)) > 0.02 if axis < 2 else x[:, 2] > 0.99
+    assert outside.all() and len(load.ids) == (8 * 100 if axis < 2 else 3 * 4**2)
 
 
 def test_traction_on_a_slope_and_on_points_of_a_file(scene_of, tmp_path):
