@@ -5,7 +5,7 @@
 Every scene of configs/ is run on one core in a folder of its own below DIR. What is finished is not run again, what was
 interrupted or whose scene has changed starts anew. Two pictures of each, made as `periporo plot` makes them, go to
 docs/figures/gallery: the end, and a still of the movie when motion is at its height; of wet soil a third, of its water
-at that time, or at the first output where nothing moves. Figures of the runs are kept in
+half way to the motion. Figures of the runs are kept in
 runs.csv beside them, so that a scene that is run alone leaves the others' as they are; --draw runs none. The time is
 processor time, with kernels compiled before.
 """
@@ -31,6 +31,7 @@ SCENES = sorted((ROOT / "configs").glob("*.yaml"))
 PICTURES, PAGE = FIGURES / "gallery", ROOT / "docs" / "gallery.md"
 TABLE = PICTURES / "runs.csv"
 LARGE = 150_000  # bytes of a picture
+_AT_REST = 1e-3  # of the largest kinetic energy
 HEAD = """# Gallery
 
 Every scene that comes with the program: `periporo new` lists them, and with a name writes one to start from. The
@@ -81,13 +82,21 @@ def liveliest(results) -> int:
     return int(np.argmin(np.abs(np.asarray(results.steps) - step)))
 
 
+def half_way(results) -> int:
+    """The output half way to the last one before motion; that of its height where it comes at once, or the second."""
+    still, kinetic = liveliest(results), results.history("kinetic_energy")
+    rows = np.searchsorted(results.history("step"), results.steps[:still])
+    slow = np.flatnonzero(kinetic[rows] < _AT_REST * kinetic[release(results) :].max())
+    return (int(slow.max(initial=0)) + 1) // 2 or max(still, 1)
+
+
 def draw(scene: Path, result: Path) -> None:
     """The pictures of a scene; with fewer colours where the file would be large."""
     with open_results(result) as results:
-        still = liveliest(results)
+        still, wet = liveliest(results), half_way(results)
     PICTURES.mkdir(parents=True, exist_ok=True)
     shown = [(-1, 0, scene.stem), (still, 0, f"{scene.stem}_still")]
-    shown += [(max(still, 1), 1, f"{scene.stem}_water")] if is_wet(scene) else []
+    shown += [(wet, 1, f"{scene.stem}_water")] if is_wet(scene) else []
     for step, number, name in shown:
         picture = plot_run(result, result.parent, step=step)[number]
         image, file = Image.open(picture).convert("RGB"), PICTURES / f"{name}.png"

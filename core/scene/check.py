@@ -30,7 +30,8 @@ def check_scene(path, comm) -> int:
         sim.step()
     seconds = comm.allreduce((time.perf_counter() - began) / trials) / comm.size
     points, pairs = comm.allreduce(sim.particles.owned), comm.allreduce(len(sim.bonds.pairs.first))
-    duration = sum(getattr(stage, "duration", 0.0) for stage in sim.stages)
+    slow = sum(stage.duration for stage in scene.stages if stage.type == "quasi_static")
+    duration = sum(getattr(stage, "duration", 0.0) for stage in sim.stages) - slow
     steps = duration / sim.dt
     if comm.rank == 0:
         cost = seconds * 1e6 / max(points, 1)
@@ -38,7 +39,7 @@ def check_scene(path, comm) -> int:
             ("points", f"{points:,}, pairs {pairs:,}, on {comm.size} rank(s)"),
             ("memory", f"{comm.size * state_bytes(sim) / 1e6:.1f} MB of state"),
             ("time step", f"{sim.dt:.3g} s at the start"),
-            ("motion", f"{duration:g} s, about {steps:,.0f} steps or more as the soil deforms"),
+            *_flow_and_motion(slow, duration, steps),
             ("run time", f"about {steps * seconds:,.0f} s at {cost:.2f} us per point and step"),
             *(("friction", line) for line in _friction(scene, sim.materials)),
             *(("field", line) for line in fields),
@@ -46,6 +47,13 @@ def check_scene(path, comm) -> int:
         print(f"{path}: valid")
         print("\n".join(_screen(facts, doubts)))
     return 0
+
+
+def _flow_and_motion(slow, duration, steps) -> list[tuple[str, str]]:
+    """What the stages take in which water flows in equilibrium, and those of motion."""
+    flow = [("equilibrium", f"{slow:g} s of flow, in increments of its accuracy; they are not in the run time")]
+    motion = [("motion", f"{duration:g} s, about {steps:,.0f} steps or more as the soil deforms")]
+    return (flow if slow > 0.0 else []) + (motion if duration > 0.0 or slow == 0.0 else [])
 
 
 def _screen(facts, doubts) -> list[str]:

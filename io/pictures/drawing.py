@@ -249,12 +249,12 @@ class PointPicture:
         return lines
 
     def _show_water(self, step):
-        """Draw the water table of output `step` as far as columns beside each other have one, and free water."""
+        """Draw the water table of output `step` where columns beside each other agree on it, and free water."""
         if self.water is None:
             return
         view, found = self.views[0], self.results.water_table(step)
         place = found[np.argsort(found[:, view.across])][:, [view.across, view.up]]
-        beside = np.diff(place[:, 0]) < 1.5 * self.spacing
+        beside = (np.abs(np.diff(place, axis=0)) < np.array([1.5, 3.0]) * self.spacing).all(axis=1)
         segments = {"water table": np.stack([place[:-1], place[1:]], axis=1)[beside], "free water": []}
         free = (self.results.configuration.get("pore_water") or {}).get("free_water")
         if free is not None:

@@ -134,6 +134,18 @@ def test_check_says_what_a_scene_will_cost_and_writes_nothing(call, scene, tmp_p
     assert [p.name for p in tmp_path.iterdir()] == ["scene.yaml"]
 
 
+def test_check_tells_flow_in_equilibrium_from_motion(call, scene_of, tmp_path):
+    """A month of flow is no billion steps."""
+    water = {"suction": 0, "drainage": "flowing", "porosity": 0.4, "conductivity": 1e-8}
+    elastic = {"model": "elastic", "density": 1600.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
+    keys = scene_of(materials=elastic, pore_water=water)
+    keys["stages"] = [{"name": "wait", "type": "quasi_static", "duration": 2.6e6}]
+    for stages, said in ((keys["stages"], "about 0 s"), ([*keys["stages"], scene_of()["stages"][0]], "motion   ")):
+        (tmp_path / "scene.yaml").write_text(yaml.safe_dump(keys | {"stages": stages}))
+        status, out, _ = call("check", "scene.yaml")
+        assert status == 0 and "equilibrium   2.6e+06 s of flow" in out and said in out
+
+
 def test_check_counts_the_memory_of_points_and_rows_and_links(call, scene_of, tmp_path):
     found = []
     for scheme in ("standard", "point_state"):  # rows of points both, and the second has a number for each pair

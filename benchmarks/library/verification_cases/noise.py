@@ -10,8 +10,8 @@ _SILT = {"model": "cam_clay", "grain_density": 2700, "porosity": 0.45, "bulk_mod
          "overconsolidation_ratio": 1.1}  # fmt: skip
 
 
-def unevenness(sim):
-    """Standard deviation, Pa, of the pressures of the points less their means over a horizon."""
+def unevenness(sim, rows=slice(None)):
+    """Standard deviation, Pa, of the pressures of the points, or of some `rows`, less their means over a horizon."""
     pairs, n = sim.bonds.pairs, sim.particles.owned
     near = pairs.weight > 0.0
     first, second, volume, p = pairs.first[near], pairs.second[near], owned(sim, "volume"), owned(sim, "pore_pressure")
@@ -19,7 +19,7 @@ def unevenness(sim):
     for i, j in ((first, second), (second, first)):
         weights += np.bincount(i, volume[j], n)
         sums += np.bincount(i, volume[j] * p[j], n)
-    return (p - sums / weights).std()
+    return (p - sums / weights)[rows].std()
 
 
 def at_rest_and_in_flow(full=False, scheme=DEFAULT):
