@@ -1,13 +1,15 @@
-"""Runs of the variants side by side, each in a process and a folder of its own; what is finished is not run again."""
+"""Runs of the variants side by side, one process for each core; what is finished is not run again."""
 
+import json
 import os
+import selectors
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import IO, cast
 
 import yaml
 
@@ -15,15 +17,35 @@ from periporo.core.study.variants import Study, Variant
 from periporo.io.output.results import ResultError, open_results
 
 SCENE, RESULT, LOG = "scene.yaml", "scene.vtkhdf", "log.txt"
-_PAUSE = 0.05  # s between looks at the processes
 _GRACE = 30.0  # s that interrupted runs have for their checkpoints
 
 
-@dataclass
-class _Running:
-    variant: Variant
-    process: subprocess.Popen
-    began: float
+class _Worker:
+    """A process that runs one variant after the other, each in a folder of its own."""
+
+    def __init__(self):
+        alone = {name: value for name, value in os.environ.items() if not name.startswith(("PMI_", "OMPI_", "SLURM_"))}
+        words, pipe = [sys.executable, "-m", "periporo.core.worker"], subprocess.PIPE
+        self.process = subprocess.Popen(words, stdin=pipe, stdout=pipe, text=True, env=alone)
+        self.answers = cast(IO[str], self.process.stdout)
+        self.began = 0.0
+
+    def begin(self, folder: Path, variant: Variant) -> None:
+        """Have a variant run, or the rest of it; a changed one starts anew."""
+        how = "--resume" if _is_same(folder, variant) else "--overwrite"
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / SCENE).write_text(_text(variant))
+        self.began = time.monotonic()
+        line = json.dumps([str(folder.resolve()), LOG, "run", SCENE, how, "--quiet", "--no-plot"])
+        print(line, file=self.process.stdin, flush=True)
+
+    def end(self) -> None:
+        """Wait for the process, which ends when nothing more is asked of it."""
+        try:
+            self.process.communicate(timeout=_GRACE)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.communicate()
 
 
 def run_variants(study: Study, folder: Path, cores: int, say: Callable[[str], None]) -> list[str]:
@@ -37,26 +59,46 @@ def run_variants(study: Study, folder: Path, cores: int, say: Callable[[str], No
     done = total - len(waiting)
     if done:
         say(f"{done} of {total} variants are finished already")
-    running: list[_Running] = []
+    workers = [_Worker() for _ in range(min(cores, len(waiting)))]
     failed: list[str] = []
     try:
-        while waiting or running:
-            while waiting and len(running) < cores:
-                variant = waiting.pop(0)
-                running.append(_Running(variant, _start(folder / variant.name, variant), time.monotonic()))
-            time.sleep(_PAUSE)
-            for job in [job for job in running if job.process.poll() is not None]:
-                running.remove(job)
-                done += 1
-                told = f"{time.monotonic() - job.began:.0f} s"
-                if job.process.returncode != 0:
-                    failed.append(job.variant.name)
-                    told = f"failed, see {folder / job.variant.name / LOG}"
-                say(f"{done}/{total} {job.variant.name}: {told}")
+        for worker, variant, fine in _carried_out(workers, waiting, folder):
+            done += 1
+            told = f"{time.monotonic() - worker.began:.0f} s"
+            if not fine:
+                failed.append(variant.name)
+                told = f"failed, see {folder / variant.name / LOG}"
+            say(f"{done}/{total} {variant.name}: {told}")
     except BaseException:
-        _stop(running)
+        for worker in workers:
+            worker.process.send_signal(signal.SIGINT)
         raise
+    finally:
+        for worker in workers:
+            worker.end()
     return failed
+
+
+def _carried_out(
+    workers: list[_Worker], waiting: list[Variant], folder: Path
+) -> Iterator[tuple[_Worker, Variant, bool]]:
+    """Worker and variant of each run that has ended, and whether it succeeded; a process that died is replaced."""
+    idle = list(range(len(workers)))
+    with selectors.DefaultSelector() as busy:
+        while waiting or busy.get_map():
+            while waiting and idle:
+                k, variant = idle.pop(0), waiting.pop(0)
+                workers[k].begin(folder / variant.name, variant)
+                busy.register(workers[k].answers, selectors.EVENT_READ, (k, variant))
+            for key, _ in busy.select():
+                k, variant = key.data
+                busy.unregister(key.fileobj)
+                answer = workers[k].answers.readline()
+                yield workers[k], variant, answer == "0\n"
+                if not answer and waiting:
+                    workers[k].end()
+                    workers[k] = _Worker()
+                idle.append(k)
 
 
 def is_finished(folder: Path) -> bool:
@@ -79,28 +121,3 @@ def _is_same(folder: Path, variant: Variant) -> bool:
 
 def _is_done(folder: Path, variant: Variant) -> bool:
     return _is_same(folder, variant) and is_finished(folder)
-
-
-def _start(folder: Path, variant: Variant) -> subprocess.Popen:
-    """A process that runs a variant, or the rest of it; a changed one starts anew."""
-    same = _is_same(folder, variant)
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / SCENE).write_text(_text(variant))
-    how = "--resume" if same else "--overwrite"
-    words = [sys.executable, "-m", "periporo.core.cli", "run", SCENE, how, "--quiet", "--no-plot"]
-    with open(folder / LOG, "w") as log:
-        alone = {name: value for name, value in os.environ.items() if not name.startswith(("PMI_", "OMPI_", "SLURM_"))}
-        return subprocess.Popen(words, cwd=folder, stdout=log, stderr=subprocess.STDOUT, env=alone)
-
-
-def _stop(running: list[_Running]) -> None:
-    """Ask runs to end, and wait for them."""
-    for job in running:
-        if job.process.poll() is None:
-            job.process.send_signal(signal.SIGINT)
-    for job in running:
-        try:
-            job.process.wait(_GRACE)
-        except subprocess.TimeoutExpired:
-            job.process.kill()
-            job.process.wait()

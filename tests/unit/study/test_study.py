@@ -9,6 +9,7 @@ import yaml
 
 import periporo
 from periporo import InputError
+from periporo.core.study import runner
 from periporo.core.study.variants import read_study
 
 SCENE = {
@@ -52,20 +53,34 @@ def test_draws_are_the_same_again_and_have_their_distribution(tmp_path):
     assert [v.name for v in read_study(file).variants] == [v.name for v in study.variants]
 
 
-def test_a_study_is_run_and_goes_on_where_it_stopped(tmp_path):
-    """Twice: only what is new is run; a scene with a result that runs do not have is refused."""
+def test_a_study_is_run_and_goes_on_where_it_stopped(tmp_path, monkeypatch):
+    """Only what is new is run; a process that dies fails its variant alone; unknown results are refused."""
     said, folder = [], tmp_path / "runs"
     keys = {"results": ["max_max_speed", "last_time"]}
-    table = periporo.study(written(tmp_path, [{"grid": {PUSH: [1.0, 2.0]}}], **keys), folder, cores=2, say=said.append)
+
+    def study(speeds):
+        return periporo.study(written(tmp_path, [{"grid": {PUSH: speeds}}], **keys), folder, cores=1, say=said.append)
+
+    table = study([1.0, 2.0])
     np.testing.assert_allclose(table["max_max_speed"], [1.0, 2.0], rtol=1e-3)
     assert table[PUSH].values.tolist() == [1.0, 2.0] and (table["last_time"] >= 0.999e-3).all()
     first = {f: f.stat().st_mtime_ns for f in folder.glob("*/scene.vtkhdf")}
     assert len(first) == 2
-    file = written(tmp_path, [{"grid": {PUSH: [1.0, 2.0, 4.0]}}], **keys)
-    again = periporo.study(file, folder, cores=2, say=said.append)
+    with monkeypatch.context() as dies:
+        begin = runner._Worker.begin
+
+        def begin_and_die(worker, place, variant):
+            begin(worker, place, variant)
+            if variant.factors[PUSH] == 4.0:
+                worker.process.kill()
+
+        dies.setattr(runner._Worker, "begin", begin_and_die)
+        table = study([1.0, 2.0, 4.0, 8.0])
+    np.testing.assert_allclose(table["max_max_speed"], [1.0, 2.0, np.nan, 8.0], rtol=1e-3)
+    assert "2 of 4 variants are finished already" in said and any("failed, see" in text for text in said)
+    again = study([1.0, 2.0, 4.0])
     np.testing.assert_allclose(again["max_max_speed"], [1.0, 2.0, 4.0], rtol=1e-3)
     assert all(f.stat().st_mtime_ns == before for f, before in first.items())
-    assert "2 of 3 variants are finished already" in said
     with open(folder / "study.csv") as rows:
         assert [float(row["max_max_speed"]) for row in csv.DictReader(rows)] == again["max_max_speed"].values.tolist()
     assert (folder / "study.html").read_text().count("<img") == 2
