@@ -1,13 +1,13 @@
-"""How long an output takes, against a plain file of as many bytes brought to the disk; and what it costs the steps.
+"""How long an output takes, against a plain file of as many bytes on the disk; and what it costs the steps.
 
     python -m benchmarks output disk --points 4000000                             # one file
     mpirun -n 2 python -m benchmarks output disk --points 4000000 --parts 2       # a file of each rank
     python -m benchmarks output steps                                             # a column that writes often
 
 `disk` gives a made-up state of the plane, 152 B per point with place and id, to the writer of results, and writes as
-many bytes to a plain file, in turns; each is on the disk (fsync) when its time is taken. Overwritten is nothing: every
-output is behind the ones before. `steps` runs a block that writes every so many steps, in the background and waiting
-for each output, in turns.
+many bytes to a plain file, in turns; each is on the disk (fsync) when its time is taken, and behind the ones before,
+for blocks that are used again are quicker. `steps` runs a block that writes every so many steps, in the background and
+waiting for each output, in turns.
 """
 
 import contextlib
@@ -63,13 +63,12 @@ def written(writer, k, ids, place, values):
 
 
 def raw(path, rows):
-    """A plain file, on the disk."""
-    with open(path, "wb", buffering=0) as file:
+    """As many bytes behind those of a plain file, on the disk."""
+    with open(path, "ab", buffering=0) as file:
         left = memoryview(rows).cast("B")
         while left:
             left = left[file.write(left) :]
         os.fsync(file.fileno())
-    path.unlink()
 
 
 def timed(action):

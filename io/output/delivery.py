@@ -1,11 +1,12 @@
 """The way of rows to the ranks that write them in parts."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from mpi4py import MPI
 
-from periporo.core.ranks.halving import exchange_rows
+from periporo.core.ranks.halving import divide, levels
 
 
 def own_parts(comm: MPI.Comm, parts: int) -> range:
@@ -21,17 +22,27 @@ def deliver(
     Part w gets the rows whose sorted `keys` (n,) lie in the w-th of equal ranges below `count`, in their order; equal
     keys are all on one rank. Rows are the key's bits and those of the 8-byte `columns` side by side, as float64.
     """
-    packed = np.hstack([np.ascontiguousarray(c).view(np.float64).reshape(len(keys), -1) for c in (keys, *columns)])
-    if comm.size > 1:
-        owner = _numbers(keys, count, parts) * comm.size // parts
-        outgoing = {r: packed[owner == r] for r in np.unique(owner).tolist() if r != comm.rank}
-        packed = np.concatenate([packed[owner == comm.rank], exchange_rows(comm, outgoing, packed.shape[1])])
-        keys = np.ascontiguousarray(packed[:, 0]).view(np.int64)
+    columns = [keys, *columns]
+    widths = [math.prod(column.shape[1:]) for column in columns]
+    packed, start = np.empty((len(keys), sum(widths))), 0
+    for column, width in zip(columns, widths, strict=True):
+        bits = np.ascontiguousarray(column).view(np.float64)
+        packed[:, start : start + width] = bits.reshape(len(keys), width)
+        start += width
+    for level in levels(comm):
+        owner = _numbers(_keys(packed), count, parts) * comm.size // parts
+        packed = divide(comm, level, packed, owner >= level.middle)
+    keys = _keys(packed)
+    if (np.diff(keys) < 0).any():  # rows of other ranks stand behind those of this one
         order = np.argsort(keys, kind="stable")
         keys, packed = keys[order], packed[order]
     edges = np.searchsorted(_numbers(keys, count, parts), np.arange(parts + 1)).tolist()
     rows = {number: packed[edges[number] : edges[number + 1]] for number in own_parts(comm, parts)}
     return rows, np.diff(edges)
+
+
+def _keys(packed):
+    return np.ascontiguousarray(packed[:, 0]).view(np.int64)
 
 
 def _numbers(keys, count, parts):

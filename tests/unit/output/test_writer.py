@@ -208,8 +208,9 @@ def test_wrong_use_is_refused(tmp_path):
         writer.write(0.0, 0, [7, 1, 7], np.zeros((3, 2)), {})
 
 
-def test_an_output_without_points(tmp_path):
-    with ResultWriter(tmp_path / "run.h5", MPI.COMM_SELF, dimension=2, fields=FIELDS) as writer:
+@pytest.mark.parametrize("parts", [None, 3])
+def test_an_output_without_points(tmp_path, parts):
+    with ResultWriter(tmp_path / "run.h5", MPI.COMM_SELF, dimension=2, fields=FIELDS, parts=parts) as writer:
         writer.write(0.0, 0, [], *values_at([], 0))
         writer.write(1.0, 1, [4], *values_at([4], 1))
     with open_results(tmp_path / "run.h5") as results:
