@@ -3,7 +3,7 @@
 Nonlinear least squares (Branch, Coleman & Li 1999, as in SciPy) over all tests at once. Each compared column counts by
 its distance from the measured one over the measured range, so that stresses and strains can be put together; over a
 tenth of the largest value, if that is more.
-Confidence is that of the linear model at the end, with the scatter that is left.
+Confidence is that of the linear model at the end, with the scatter that is left of each curve.
 """
 
 import math
@@ -29,6 +29,7 @@ from periporo.materials.laboratory.phases import read_test
 _REFUSED = 1e3  # residual of parameters that contradict each other
 _STEP = 1e-4  # of a parameter, relative, for the derivatives
 _CONFIDENCE = 0.95
+_FEW = 8  # values of a curve, below which its scatter is that of all
 _FLAT = 0.1  # a curve that is flat counts by this part of its height
 
 
@@ -123,7 +124,7 @@ def fit(
     scale = np.where(start != 0.0, np.abs(start), 1.0)
 
     def residuals(x):
-        return _residuals(data, names, x * scale, tasks)
+        return np.concatenate(_residuals(data, names, x * scale, tasks))
 
     found = optimize.least_squares(
         residuals, start / scale, bounds=(low / scale, high / scale), diff_step=_STEP, x_scale=1.0, xtol=1e-8,
@@ -135,7 +136,9 @@ def fit(
         message = f"{count} measured values cannot tell {len(names)} parameters and their confidence"
         raise InputError(source, [Problem(("tests",), message)])
     _refuse_untold(names, found.jac, source)
-    covariance = np.linalg.inv(found.jac.T @ found.jac) * (found.fun @ found.fun) / free
+    variances = _variances(_residuals(data, names, values, tasks)) * count / free
+    given = np.linalg.inv(found.jac.T @ found.jac) @ found.jac.T  # change of the parameters by that of each residual
+    covariance = given * variances @ given.T
     deviation = np.sqrt(np.diag(covariance))
     width = stats.t.ppf(0.5 + 0.5 * _CONFIDENCE, free) * deviation * scale
     if say is not None:
@@ -207,10 +210,16 @@ def _bounds(node: dict[str, Any]) -> tuple[float, float]:
     return float(max(low, default=-math.inf)), float(min(high, default=math.inf))
 
 
-def _residuals(data, names, values, tasks) -> np.ndarray:
-    """Distances of what the law gives from what was measured, over the measured ranges."""
+def _variances(parts: list[np.ndarray]) -> np.ndarray:
+    """Mean square of the residuals of each residual's curve, for curves scatter differently; of all, if it has few."""
+    whole = np.concatenate(parts)
+    return np.concatenate([np.full(len(r), np.mean((r if len(r) >= _FEW else whole) ** 2)) for r in parts])
+
+
+def _residuals(data, names, values, tasks) -> list[np.ndarray]:
+    """Distances of what the law gives from what was measured, over the measured ranges, for each compared curve."""
     trial = data | dict(zip(names, map(float, values), strict=True))
-    parts = []
+    parts: list[np.ndarray] = []
     for task in tasks:
         try:
             driven = _driven(trial, task)
@@ -230,7 +239,7 @@ def _residuals(data, names, values, tasks) -> np.ndarray:
             span = max(np.ptp(measured[known]), _FLAT * np.abs(measured[known]).max()) or 1.0
             share = math.sqrt(task.model.weight / len(task.model.compare))
             parts.append(share * (given - measured)[known] / span)
-    return np.concatenate(parts)
+    return parts
 
 
 def _driven(data, task) -> Columns:

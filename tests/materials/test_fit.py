@@ -74,6 +74,21 @@ def test_drucker_prager_from_three_noisy_tests_by_the_command_line(tmp_path, mon
     assert "friction_angle" in capsys.readouterr().out and (tmp_path / "fit" / "test_2_stress_strain.png").exists()
 
 
+def test_confidence_follows_the_scatter_of_each_curve(tmp_path):
+    """A rough curve of q tells friction, a fine one of volume dilation: each as well as its curve is known."""
+    (entry,) = measured(tmp_path, SAND, [triaxial(1e5)], [["q", "volumetric_strain"]])
+    exact, rng = periporo.drive(SAND, triaxial(1e5)), np.random.default_rng(0)
+    table = {name: exact[name][1:] for name in ("axial_strain", "q", "volumetric_strain")}
+    for name, share in (("q", 0.05), ("volumetric_strain", 0.001)):
+        table[name] = table[name] + share * np.ptp(exact[name]) * rng.normal(size=15)
+    write_table(entry["measured"], table)
+    begun = SAND | {"friction_angle": 28.0, "dilation_angle": 4.0}
+    fit = periporo.fit(begun, {"parameters": {"friction_angle": None, "dilation_angle": None}, "tests": [entry]})
+    for name, least, most in (("friction_angle", 0.008, 0.05), ("dilation_angle", 0.001, 0.012)):
+        assert least < fit.confidence[name] / SAND[name] < most
+        assert abs(fit.values[name] - SAND[name]) < 2 * fit.confidence[name]
+
+
 AGS = '''"GROUP","TRET"
 "HEADING","LOCA_ID","TRET_TESN","TRET_CELL","TRET_DEVF","TRET_STRN"
 "UNIT","","","kPa","kPa","%"
