@@ -79,6 +79,7 @@ class _StressPower:
     def _deform_and_keep(self, particles, bonds, *rest):
         self._deform(particles, bonds, *rest)
         self._stresses = [rows.stress.copy() for rows in bonds.carriers]  # turned to the end of the step
+        self._strains = [block.strain_increment.copy() for block in bonds.blocks]  # before openings take of them
 
     def _row_volumes(self):
         """Ids of the rows' ends in one number, ascending, and the rows' volumes, of every block and the links."""
@@ -91,7 +92,7 @@ class _StressPower:
     def _add_force_and_power(self, particles, bonds, *rest):
         self._internal_force(particles, bonds, *rest)
         before, self._volumes = self._volumes, self._row_volumes()
-        strains = [block.strain_increment for block in bonds.blocks]
+        strains = [*self._strains]
         if bonds.links is not None:
             strains.append(self.sim.dt * link_rates(self.sim, self.sim.dt)[:, None])
         for rows, strain, stress, old, new in zip(
