@@ -98,7 +98,14 @@ def _profile(scene) -> Profile:
     water = scene.pore_water
     if water.suction is not None:
         return UniformSuction(water.suction)
-    return Hydrostatic(water.water_table, *_weight(scene), water.largest_suction)
+    weight, up = _weight(scene)
+    if water.phreatic_line is None:
+        return Hydrostatic(water.water_table * up[None], weight, up, water.largest_suction)
+    profile = Hydrostatic(np.array(water.phreatic_line), weight, up, water.largest_suction)
+    if not (np.diff(profile.across(profile.corners)) > 0.0).all():
+        message = "its points must lie one after another across gravity, from the left, as down is below"
+        raise InputError("scene", [Problem(("pore_water", "phreatic_line"), message)])
+    return profile
 
 
 def _porosities(scene, materials):
