@@ -77,7 +77,7 @@ class GeostaticStress:
                 found |= meets
                 if self.surface is not None:
                     end = np.where(first, np.maximum(self.surface - level, 0.0), top)
-                added = profile.mass_below(level + end) - profile.mass_below(level + top)
+                added = profile.mass_below(position, level + end) - profile.mass_below(position, level + top)
                 weight[meets] += added[meets]
                 top[meets] = end[meets]
             if (top == before).all():
@@ -98,20 +98,20 @@ class _Profile:
         if isinstance(lattice.body.shape, Points | Mesh):
             self._columns = _Columns(lattice, up)
 
-    def mass_below(self, level):
-        """Mass per area (n,) between a fixed level and `level` (n,), kg/m^2."""
+    def mass_below(self, position, level):
+        """Mass per area (n,) between a fixed level and `level` (n,) in columns through `position` (n, d), kg/m^2."""
         mass = np.zeros(len(level))
         for lower, upper, material in self._layers:
-            mass += self._mass_of_layer(material, np.clip(level, lower, upper))
+            mass += self._mass_of_layer(material, position, np.clip(level, lower, upper))
             if np.isfinite(lower):
-                mass -= self._mass_of_layer(material, np.full(1, lower))
+                mass -= self._mass_of_layer(material, position, np.full(len(level), lower))
         return mass
 
-    def _mass_of_layer(self, material, level):
-        """Mass per area (n,) between a fixed level and `level` (n,) if there is but this material, kg/m^2."""
+    def _mass_of_layer(self, material, position, level):
+        """The same if there is but this material."""
         mass = self._density[material] * level
         if self._water is not None:
-            mass += self._water.pores.mass_below(self._water.profile, material, level)
+            mass += self._water.pores.mass_below(self._water.profile, material, position, level)
         return mass
 
     def spans(self, position) -> Spans:

@@ -48,7 +48,7 @@ def refuse_inner_inflows(scene, sim) -> None:
         named = [name for name in stage.boundaries if scene.boundaries[name].water is not None]
         for name, boundary in zip(named, built.inflows, strict=True):
             p = sim.particles
-            here, faces = int(np.isin(p.id[: p.owned], boundary.ids).sum()), len(boundary.rows(p))
+            here, faces = int(np.isin(p.id[: p.owned], boundary.ids).sum()), len(boundary.faces(p).rows)
             if sim.comm.allreduce(here) > 0 and sim.comm.allreduce(faces) == 0:  # some bodies come later
                 side = scene.boundaries[name].water.side
                 towards = "" if side is None else f" that looks to {side}"
@@ -98,7 +98,14 @@ def _profile(scene) -> Profile:
     water = scene.pore_water
     if water.suction is not None:
         return UniformSuction(water.suction)
-    return Hydrostatic(water.water_table, *_weight(scene), water.largest_suction)
+    weight, up = _weight(scene)
+    if water.phreatic_line is None:
+        return Hydrostatic(water.water_table * up[None], weight, up, water.largest_suction)
+    profile = Hydrostatic(np.array(water.phreatic_line), weight, up, water.largest_suction)
+    if not (np.diff(profile.across(profile.corners)) > 0.0).all():
+        message = "its points must lie one after another across gravity, from the left, as down is below"
+        raise InputError("scene", [Problem(("pore_water", "phreatic_line"), message)])
+    return profile
 
 
 def _porosities(scene, materials):

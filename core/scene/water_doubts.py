@@ -50,9 +50,10 @@ def _strange_rain(scene) -> list[str]:
 def _strange_table(scene, sim) -> list[str]:
     """A remark on a table above all soil without free water there, and on one below which all soil is full."""
     water, doubts, extent = scene.pore_water, [], sim.extent
-    if water.water_table is None:
+    if water.suction is not None:
         return []
-    table = water.water_table
+    line = () if water.phreatic_line is None else water.phreatic_line
+    table = max(float(np.array(point) @ extent.up) for point in line) if line else water.water_table
     top = float((np.where(extent.up > 0.0, extent.upper, extent.lower) + sim.origin) @ extent.up)
     if water.free_water is None and table > top + scene.spacing:
         doubts.append(

@@ -1,6 +1,7 @@
 """Where water enters and leaves: faces of points at the surface, under a pressure, a flux, or rain."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,15 @@ from periporo.core.water.retention import conductivities
 PRESSURE, HEAD, FLUX, RAIN = "pressure", "head", "flux", "rain"
 SHAPE_PAIRS = {2: ((0, 0), (1, 1), (0, 1)), 3: ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))}
 _FACE = 0.5  # of the face of a cell: a smaller area on the side that is meant belongs to another side
+
+
+class Faces(NamedTuple):
+    """Owned `rows` (n,) of points with a face at the surface, and its `area` m^2, `normal` (n, d), `distance` m."""
+
+    rows: np.ndarray
+    area: np.ndarray
+    normal: np.ndarray
+    distance: np.ndarray
 
 
 class WaterBoundary:
@@ -30,47 +40,45 @@ class WaterBoundary:
         self.side = side
         self._found: tuple[np.ndarray | None, np.ndarray] = None, ids  # ids of the points, and the rows among them
 
-    def rows(self, p) -> np.ndarray:
-        """Owned rows of the points that have such a face now."""
+    def faces(self, p) -> Faces:
+        """The faces of the owned points that have one now."""
         if self._found[0] is not p.id:
             self._found = p.id, np.flatnonzero(np.isin(p.id[: p.owned], self.ids, assume_unique=True))
-        rows = self._found[1]
-        present = p.volume[rows] * p.pore_dilation[rows]
-        return rows[self._faces(p, rows)[0] > _FACE * present ** (1.0 - 1.0 / p.dimension)]
-
-    def _faces(self, p, rows):
-        """Area (n,) m^2, outward normal (n, d), and distance (n,) m of the faces of the points as large as they are."""
-        d, ratio = p.dimension, p.pore_dilation[rows]
-        vector, tensor = p.outer_face[rows, :d], p.outer_face[rows, d:]
+        d, rows = p.dimension, self._found[1]
+        vector = p.outer_face[rows, :d]
         if self.side is None:
             area = np.sqrt((vector * vector).sum(axis=1))
             normal = vector / np.where(area > 0.0, area, 1.0)[:, None]
         else:
             area, normal = (vector * self.side).sum(axis=1), np.tile(self.side, (len(rows), 1))
+        ratio = p.pore_dilation[rows]
+        there = np.flatnonzero(ratio * area > _FACE * (p.volume[rows] * ratio) ** (1.0 - 1.0 / d))
+        rows, area, normal, tensor = rows[there], area[there], normal[there], p.outer_face[rows[there], d:]
         square = np.zeros(len(rows))
         for c, (a, b) in enumerate(SHAPE_PAIRS[d]):
             square += (1.0 if a == b else 2.0) * tensor[:, c] * normal[:, a] * normal[:, b]
-        return ratio * area, normal, 0.5 * square / np.where(area > 0.0, area, 1.0)
+        return Faces(rows, ratio[there] * area, normal, 0.5 * square / area)
 
-    def conducted(self, p, rows, water: FlowingWater) -> np.ndarray:
+    def conducted(self, p, faces: Faces, water: FlowingWater) -> np.ndarray:
         """What the faces conduct, (n,) m^3/(Pa s)."""
-        area, normal, distance = self._faces(p, rows)
-        mobility = p.flow_state[rows, 2] / p.pore_dilation[rows] * (normal**2 * water.permeability.factors).sum(axis=1)
-        return 0.0 * area if self.kind == FLUX else area / distance * mobility
+        if self.kind == FLUX:
+            return np.zeros(len(faces.rows))
+        mobility = p.flow_state[faces.rows, 2] / p.pore_dilation[faces.rows]
+        along = (faces.normal**2 * water.permeability.factors).sum(axis=1)
+        return faces.area / faces.distance * mobility * along
 
-    def add(self, p, rows, time: float, water: FlowingWater, flow: np.ndarray) -> None:
+    def add(self, p, faces: Faces, time: float, water: FlowingWater, flow: np.ndarray) -> None:
         """Add what enters, leaves and runs off per second to the columns of `flow` (total, 4), m^3/s."""
-        value = self.value(time)
-        area, normal, distance = self._faces(p, rows)
+        value, rows, area = self.value(time), faces.rows, faces.area
         if self.kind == FLUX:
             entering = value * area
         else:
-            way = normal * distance[:, None]
+            way = faces.normal * faces.distance[:, None]
             pressure = self._pressure(p.position[rows] + way, value, time, water)
-            entering = self._entering(p, rows, way, pressure, water)
+            entering = self._entering(p, faces, way, pressure, water)
         if self.kind == RAIN:
             open_to_rain = pressure <= 0.0
-            level_area = area * np.maximum((normal * -water.permeability.direction).sum(axis=1), 0.0)
+            level_area = area * np.maximum((faces.normal * -water.permeability.direction).sum(axis=1), 0.0)
             falling = value * level_area * open_to_rain
             entering = np.where(open_to_rain, np.minimum(entering, falling), entering)
             flow[rows, RAN_OFF] += falling - np.clip(entering, 0.0, falling)
@@ -89,9 +97,9 @@ class WaterBoundary:
             return np.zeros(len(place))
         return np.maximum(water.free.weight * water.free.level(time) + (place * weight).sum(axis=1), 0.0)
 
-    def _entering(self, p, rows, way, pressure, water):
+    def _entering(self, p, faces, way, pressure, water):
         """Flow (n,) m^3/s from faces under `pressure` into their points, half a cell away."""
-        weight = water.pores.density * water.permeability.gravity
+        weight, rows = water.pores.density * water.permeability.gravity, faces.rows
         driven = pressure - p.pore_pressure[rows] - (way * weight).sum(axis=1)
         outside = conductivities(water.curves, p.material[rows], -pressure, p.porosity[rows], p.pore_dilation[rows])
-        return self.conducted(p, rows, water) * driven * np.where(driven > 0.0, outside, p.flow_state[rows, 1])
+        return self.conducted(p, faces, water) * driven * np.where(driven > 0.0, outside, p.flow_state[rows, 1])

@@ -134,7 +134,7 @@ class FlowingWater(UndrainedWater):
         self.transport(p, net, self._sim.time, dt, stages, lambda gone: self._fill_pressure(p))
 
     def network(self, p) -> tuple:
-        """What conducts water at present: of every pair a kappa and rho_w g . xi, and inflows with their points."""
+        """What conducts water at present: of every pair a kappa and rho_w g . xi, and inflows with their faces."""
         pairs = self._sim.bonds.pairs
         self.describe(p)
         conducted, drop = np.zeros(len(pairs.first)), np.zeros(len(pairs.first))
@@ -143,7 +143,7 @@ class FlowingWater(UndrainedWater):
             conductance.stretched(p.position, self.permeability.factors), p.volume, p.conduction, p.flow_state,
             self.pores.density * self.permeability.gravity, conducted, drop, p.dim,
         )  # fmt: skip
-        return conducted, drop, [(boundary, boundary.rows(p)) for boundary in self._sim.inflows]
+        return conducted, drop, [(boundary, boundary.faces(p)) for boundary in self._sim.inflows]
 
     def transport(self, p, net, begin: float, dt: float, stages: int, find_pressure) -> None:
         """Let water flow through `net` for `dt` s from the time `begin`.
@@ -166,8 +166,8 @@ class FlowingWater(UndrainedWater):
             self.describe(p)
             flow = np.zeros((p.total + 1, start.shape[1]))
             _add_flows(pairs.first, pairs.second, conducted, drop, p.flow_state, flow)
-            for boundary, rows in inflows:
-                boundary.add(p, rows, begin + state[n, CONTENT], self, flow)
+            for boundary, faces in inflows:
+                boundary.add(p, faces, begin + state[n, CONTENT], self, flow)
             flow[n], flow[n, CONTENT] = 0.0, 1.0
             return flow[: n + 1]
 
@@ -193,8 +193,8 @@ class FlowingWater(UndrainedWater):
         pairs, (conducted, _, inflows) = self._sim.bonds.pairs, net
         sums = np.zeros(p.total)
         _sum_conducted(pairs.first, pairs.second, conducted, p.flow_state, sums)
-        for boundary, rows in inflows:
-            sums[rows] += boundary.conducted(p, rows, self)
+        for boundary, faces in inflows:
+            sums[faces.rows] += boundary.conducted(p, faces, self)
         return maximum(
             self._sim.comm,
             _largest_rate(

@@ -48,14 +48,18 @@ class Pores:
         porosity = np.full(len(pressure), self.porosity[material])
         return self.retention[material].saturation(-pressure, porosity, np.ones(len(pressure)))
 
-    def mass_below(self, profile: Profile, material: int, level: np.ndarray) -> np.ndarray:
-        """Mass of water per area (n,) kg/m^2 in a `material` between a fixed level and `level` (n,) m at the start."""
+    def mass_below(self, profile: Profile, material: int, position: np.ndarray, level: np.ndarray) -> np.ndarray:
+        """Mass of water per area (n,) kg/m^2 in a `material` at the start, between a fixed level and `level` (n,) m.
+
+        In columns through `position` (n, d) m.
+        """
         level = np.asarray(level, float)
         full = self.density * self.porosity[material]
         if isinstance(profile, UniformSuction):
-            return full * self.initial_saturation(material, profile.of_level(level[:1])) * level
-        below = np.minimum(level, profile.table) - profile.table
-        above = np.maximum(level - profile.table, 0.0)
+            return full * self.initial_saturation(material, np.array([-profile.suction])) * level
+        table = profile.table(position)
+        below = np.minimum(level, table) - table
+        above = np.maximum(level - table, 0.0)
         growing = profile.largest_suction / profile.weight
         nodes = np.linspace(0.0, growing, _NODES)
         filled = self.initial_saturation(material, -profile.weight * nodes)

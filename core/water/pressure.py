@@ -1,4 +1,4 @@
-"""Pore pressure as a function of place: the same suction everywhere, or hydrostatic from a water table."""
+"""Pore pressure as a function of place: the same suction everywhere, or hydrostatic below a water table."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,10 +18,6 @@ class UniformSuction:
         """Of all places, Pa."""
         return self.suction
 
-    def of_level(self, level: np.ndarray) -> np.ndarray:
-        """Pressure (n,) Pa at levels (n,) m against gravity."""
-        return np.full(len(level), -self.suction)
-
     def at(self, position: np.ndarray) -> np.ndarray:
         """Pressure (n,) Pa at positions (n, d) m."""
         return np.full(len(position), -self.suction)
@@ -29,24 +25,33 @@ class UniformSuction:
 
 @dataclass(frozen=True)
 class Hydrostatic:
-    """Pressure of water at rest below the `table` (level against gravity, m); above, suction up to `largest_suction`.
+    """Pressure as of water at rest below a table; above, suction up to `largest_suction`.
 
-    `weight` rho_w g N/m^3; `up` (d,) the unit vector against gravity.
+    The table goes through `corners` (k, d) m, in the order in which they lie across gravity, and level beyond them: one
+    corner is a level table. `weight` rho_w g N/m^3; `up` (d,) the unit vector against gravity.
     """
 
-    table: float
+    corners: np.ndarray
     weight: float
     up: np.ndarray
     largest_suction: float = 0.0
     varies = True
 
-    def of_level(self, level: np.ndarray) -> np.ndarray:
-        """Pressure (n,) Pa at levels (n,) m against gravity."""
-        return np.maximum(self.weight * (self.table - level), -self.largest_suction)
+    def table(self, position: np.ndarray) -> np.ndarray:
+        """Level (n,) m of the table, against gravity, above or below positions (n, d) m."""
+        levels = (self.corners * self.up).sum(axis=1)
+        if len(levels) == 1:
+            return np.full(len(position), levels[0])
+        return np.interp(self.across(position), self.across(self.corners), levels)
+
+    def across(self, position: np.ndarray) -> np.ndarray:
+        """How far positions (n, 2) m lie to the side, m."""
+        return position[:, 0] * self.up[1] - position[:, 1] * self.up[0]
 
     def at(self, position: np.ndarray) -> np.ndarray:
         """Pressure (n,) Pa at positions (n, d) m."""
-        return self.of_level((position * self.up).sum(axis=1))
+        depth = self.table(position) - (position * self.up).sum(axis=1)
+        return np.maximum(self.weight * depth, -self.largest_suction)
 
 
 Profile = UniformSuction | Hydrostatic

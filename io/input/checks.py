@@ -279,7 +279,10 @@ def _water_problems(scene: SceneInput) -> Iterator[Problem]:
             yield Problem(("stages", k, "type"), message)
     if water is None:
         return
-    for name in ("water_table", "free_water"):
+    if water.phreatic_line is not None and scene.dimension == 3:
+        message = "a line is for two dimensions; give a water_table, or let water flow from it to where it is to be"
+        yield Problem(("pore_water", "phreatic_line"), message)
+    for name in ("water_table", "phreatic_line", "free_water"):
         if getattr(water, name) is not None and not any(scene.gravity or ()):
             yield Problem(("pore_water", name), "a level of water needs gravity; give 'gravity', or a suction")
     for name in water.soils:

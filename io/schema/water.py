@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Strict, model_validator
 
-from periporo.io.schema.base import Coordinate, Flag, Motion, Name, Real, SceneModel, key
+from periporo.io.schema.base import Coordinate, Flag, Motion, Name, Position, Real, SceneModel, key
 from periporo.io.schema.files import ExistingFile
 
 _Factor = Annotated[float, Strict(), Field(ge=1e-4, le=1e4)]
@@ -80,6 +80,14 @@ class PoreWater(SceneModel):
     water_table: Coordinate | None = key(
         "level against gravity below which pressure is that of water at rest", "m", default=None, place="level"
     )
+    phreatic_line: tuple[Position, ...] | None = key(
+        "points of a water table that is not level, in two dimensions, from the left; level beyond the ends",
+        "m",
+        default=None,
+        place="point",
+        min_length=2,
+        max_length=1000,
+    )
     largest_suction: Real = key(
         "above the water table suction grows with height up to this", "Pa", default=0.0, ge=0, le=1e9
     )
@@ -110,9 +118,11 @@ class PoreWater(SceneModel):
 
     @model_validator(mode="after")
     def _has_a_start(self):
-        if (self.suction is None) == (self.water_table is None):
-            raise ValueError("give exactly one of: suction (0 for full pores without pressure), water_table")
-        if self.largest_suction > 0.0 and self.water_table is None:
+        if [self.suction, self.water_table, self.phreatic_line].count(None) != 2:
+            raise ValueError(
+                "give exactly one of: suction (0 for full pores without pressure), water_table, phreatic_line"
+            )
+        if self.largest_suction > 0.0 and self.suction is not None:
             raise ValueError("largest_suction belongs to a water_table; leave it out, or give one")
         if self.conductivity is not None and self.permeability is not None:
             raise ValueError("give one of: conductivity in m/s, permeability in m^2")

@@ -8,6 +8,7 @@ from periporo.core.points.forces import WORK
 from periporo.core.water.pore_water import bonding_variable
 from periporo.core.water.retention import RETENTION, conductivities, of_voids
 from periporo.errors import InputError
+from periporo.io.input.load import parse_scene
 from periporo.materials.cam_clay import bonding_exponents
 
 WATER = {"suction": 25e3, "retention": {"set": "fitted"}}
@@ -192,3 +193,27 @@ def test_every_scheme_feels_the_water(scheme, scene_of, started, cam_clay_input)
         block.total = None
     sim.scheme.internal_force(sim.particles, sim.bonds, sim.halo, sim.particles.internal_force)
     assert np.abs(sim.particles.internal_force).max() > 100 * weight
+
+
+def test_a_phreatic_line_that_slopes(scene_of, started):
+    """Pressure by the depth below the line above each point, level beyond its ends; stress with buoyancy below it."""
+    sand = {"model": "elastic", "density": 1590.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
+    water = {"phreatic_line": [[-0.03, 0.02], [0.03, 0.08]], "porosity": 0.4}
+    start = {"type": "geostatic", "K0": 0.5}
+    scene = scene_of(counts=(10, 10), materials=sand, pore_water=water, initial_stress=start)
+    sim = started(scene)
+    p = sim.particles
+    x, y = p.position.T
+    table = np.clip(x + 0.05, 0.02, 0.08)
+    pressure = 9810.0 * np.maximum(table - y, 0.0)
+    assert p.pore_pressure == pytest.approx(pressure, abs=1e-9)
+    weight = (1590.0 + 400.0) * 9.81 * (0.1 - y)  # no suction: all pores are full
+    stress = sim.bonds.blocks[0].stress
+    assert stress[:, 1] == pytest.approx(pressure - weight) and stress[:, 0] == pytest.approx(0.5 * stress[:, 1])
+    with pytest.raises(InputError, match="one after another across gravity"):
+        started(scene | {"pore_water": water | {"phreatic_line": [[0.03, 0.02], [-0.03, 0.08]]}})
+    with pytest.raises(InputError, match="exactly one of"):
+        parse_scene(scene | {"pore_water": water | {"water_table": 0.1}})
+    solid = scene_of(3, (4, 4, 4), materials=sand, pore_water=water | {"phreatic_line": [[0, 0, 0], [1, 0, 1]]})
+    with pytest.raises(InputError, match="a line is for two dimensions"):
+        parse_scene(solid)
