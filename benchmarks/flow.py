@@ -8,9 +8,10 @@
 
 A column of `--heights` (m) and a width of .1 m of isochoric, cohesionless Drucker-Prager sand (phi 30) collapses on a
 rough floor. A row of the table is one output: area that the connected deposit covers over its first (a filled
-outline), sum of its points' volumes over the first, first and last percentile of the points' volumes, scatter of the
-vertical stress in soil that flows (shear rate above 3 1/s) and rests (below .3 1/s), run-out and height. A seed other
-than 0 shakes the lattice by 1e-9 m: what it changes is the scatter that a chaotic flow has.
+outline); *inside*: the area of Voronoi cells more than 2.5 spacings beneath that outline over their volume; sum of the
+points' volumes over the first; first and last percentile of the points' volumes; scatter of the vertical stress in soil
+that flows (shear rate above 3 1/s) and rests (below .3 1/s); run-out and height. A seed other than 0 shakes the lattice
+by 1e-9 m: what it changes is the scatter that a chaotic flow has.
 
 Run-out is how far beyond the column the cells of 99 % of all its soil reach, over the half-width, and height is the top
 of the cells of 99 % of the connected soil. *core* is the area over the first of soil that has sheared by .1 to .5, told
@@ -29,15 +30,15 @@ import periporo
 from periporo.core.points import fields
 
 from . import option_parser
-from .library.deposits import connected, covered_area, grown, profile, scatter
+from .library.deposits import cells, connected, covered_area, grown, profile, scatter
 
 WIDTH, DENSITY = 0.1, 1800.0
 FLOWING, RESTING = 3.0, 0.3  # 1/s
 CORE = 0.1, 0.5  # shear strain of soil that still has its neighbours
 _UPRIGHT = np.eye(2)
 _HEAD = (
-    "| H, m | H/dx | seed | t, s | steps | area | core | volumes | 1 % | 99 % | flow | rest | run-out | height | loose "
-    "| internal |"
+    "| H, m | H/dx | seed | t, s | steps | area | inside | core | volumes | 1 % | 99 % | flow | rest | run-out "
+    "| height | loose | internal |"
 )
 
 
@@ -91,6 +92,9 @@ def measure(sim, height: float, rotation=_UPRIGHT, place=(0.0, 0.0)) -> dict[str
     g = p.gradient[:n].reshape(-1, 2, 2)
     rate = np.hypot(g[:, 0, 0] - g[:, 1, 1], g[:, 0, 1] + g[:, 1, 0])
     least = 0.1 * DENSITY * 9.81 * height
+    area = cells(position[own], sim.spacing)
+    within = np.isfinite(area)
+    inside = area[within].sum() / volume[own][within].sum() if within.any() else np.nan
     strain = p.equivalent_shear_strain[:n]
     core = grown(p.initial_position[:n], p.position[:n], sim.spacing)[(strain > CORE[0]) & (strain < CORE[1])]
     core = core[np.isfinite(core)]
@@ -102,6 +106,7 @@ def measure(sim, height: float, rotation=_UPRIGHT, place=(0.0, 0.0)) -> dict[str
     return {
         "time": sim.time, "steps": sim.step_number,
         "area": covered_area(position[own], sim.spacing) / p.volume[:n][own].sum(),
+        "inside": inside,
         "core": core.mean() if len(core) else np.nan,
         "volumes": volume[own].sum() / p.volume[:n][own].sum(),
         "least volume": np.quantile(share, 0.01), "largest volume": np.quantile(share, 0.99),
@@ -144,8 +149,8 @@ def row(height: float, rows: int, seed: int, figures: dict) -> str:
     f = figures
     numbers = " | ".join(
         "" if math.isnan(f[name]) else f"{f[name]:.3f}"
-        for name in ("area", "core", "volumes", "least volume", "largest volume", "scatter in flow", "scatter at rest",
-                     "run-out", "height")
+        for name in ("area", "inside", "core", "volumes", "least volume", "largest volume", "scatter in flow",
+                     "scatter at rest", "run-out", "height")
     )  # fmt: skip
     head = f"| {height:g} | {rows} | {seed} | {f['time']:.2f} | {f['steps']} |"
     return f"{head} {numbers} | {f['loose']} | {f['least internal energy']:.1e} |"

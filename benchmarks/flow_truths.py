@@ -80,7 +80,8 @@ def dam(rows: int, height: float = 0.1, length: float = 4.0, heights: float = 3.
     x, depth = profile(mirrored, spacing)
     figures = {}
     for part in (0.6, 0.4, 0.2):
-        place = (x[depth >= part * height].max() / height - length) / heights
+        reached = 0.5 * (depth >= part * height).sum() * (x[1] - x[0])  # of both sides; no lone grain counts
+        place = (reached / height - length) / heights
         figures[f"{part:g} H"] = place - (2.0 - 3.0 * np.sqrt(part))
     figures["front"] = (position[own, 0].max() + 0.5 * spacing - length * height) / (2.0 * speed * duration)
     figures["area"] = covered_area(mirrored, spacing) / (2.0 * area)

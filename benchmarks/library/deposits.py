@@ -4,11 +4,12 @@ import numpy as np
 from scipy import ndimage
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+from scipy.spatial import Voronoi, cKDTree
 
 _CONNECTED = 1.6  # spacings between neighbours of one body
 _CLOSING = 1.3  # spacings: gaps between points that are narrower than twice this are not gaps
 _FINE = 8  # cells of the raster per spacing
+_SKIN = 2.5  # spacings beneath the outline
 _HORIZON = 2.2  # spacings over which stress is compared
 _FEWEST = 10  # neighbours of a point whose stress is compared
 
@@ -35,6 +36,23 @@ def profile(position: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarra
     """Places x (m) and the height (m) over y = 0 of what points (n, 2) cover there."""
     x, covered = _covered(position, spacing)
     return x, covered.sum(axis=1) * spacing / _FINE
+
+
+def cells(position: np.ndarray, spacing: float) -> np.ndarray:
+    """Area (n,) m^2 of the Voronoi cells of points (n, 2), NaN of those within 2.5 spacings of their outline.
+
+    The floor, y = 0, is a mirror.
+    """
+    x, covered = _covered(position, spacing)
+    below = covered.shape[1]
+    depth = ndimage.distance_transform_edt(np.pad(np.hstack([covered[:, ::-1], covered]), 1))[1:-1, 1 + below : -1]
+    column = np.rint((position[:, 0] - x[0]) * _FINE / spacing).astype(int)
+    row = (position[:, 1] * _FINE / spacing).astype(int)
+    cloud, area = Voronoi(np.vstack([position, position * [1, -1]])), np.full(len(position), np.nan)
+    for i in np.flatnonzero(depth[column, row] > _SKIN * _FINE):
+        a, b = cloud.vertices[cloud.regions[cloud.point_region[i]]].T
+        area[i] = 0.5 * abs(a @ np.roll(b, 1) - b @ np.roll(a, 1))
+    return area
 
 
 def _covered(position, spacing):

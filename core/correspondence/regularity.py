@@ -34,7 +34,7 @@ MOST_EXCHANGED = 0.9  # of a difference, in one step
 SHEAR_SHARE = 0.3  # of the exchange for the deviator
 VISCOSITY = 0.2  # of rho c l
 SLOPE = 0.8  # part of the local slope of the mean stress that is no difference
-MEMORY = 0.005  # of the activity, per Courant number
+RISE, FADE = 0.075, 0.005  # of the activity towards its goal, per Courant number
 QUIET = 1e-6  # activity that counts as none
 SENSITIVITY = 0.1  # part of the trial stress that a law takes away in a step, over what it keeps, for a half
 NEAREST = 1.02  # size of points, over the side of a cube of their volume, below which they move apart
@@ -164,7 +164,8 @@ def _describe(
         size, speed, density = _measures(i, link[i, 0], mass, volume, share, position, width, dim)
         courant = dt * speed / size
         lost = 1.0 - link[i, 1]
-        activity[i] += min(MEMORY * courant, 1.0) * (lost / (lost + SENSITIVITY * link[i, 1]) - activity[i])
+        missing = lost / (lost + SENSITIVITY * link[i, 1]) - activity[i]
+        activity[i] += min((RISE if missing > 0.0 else FADE) * courant, 1.0) * missing
         if activity[i] < QUIET:
             activity[i] = 0.0
         for c in range(stress.shape[1]):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks import flow, flow_truths
-from benchmarks.library.deposits import grown
+from benchmarks.library.deposits import cells, covered_area, grown
 
 
 def test_a_layer_of_sand_slides_down_a_rough_slope_as_its_friction_lets_it():
@@ -31,3 +31,14 @@ def test_area_by_the_neighbours_of_a_lattice_is_that_of_an_affine_motion():
     first = np.stack(np.meshgrid(np.arange(4.0), np.arange(3.0)), -1).reshape(-1, 2)
     area = grown(first, first @ np.array([[1.2, 0.3], [0.1, 0.9]]), 1.0)
     assert np.isfinite(area).sum() == 2 and area[5] == pytest.approx(1.2 * 0.9 - 0.3 * 0.1)
+
+
+def test_area_by_voronoi_cells_and_by_the_outline_are_those_of_a_lattice_and_what_is_spread():
+    draw = np.random.default_rng(1)
+    first = np.stack(np.meshgrid(np.arange(30.0), np.arange(20.0)), -1).reshape(-1, 2) + 0.5
+    spread = (first + draw.uniform(-0.3, 0.3, first.shape)) * [1.1, 1.0]
+    for position, expected in ((first, 1.0), (spread, 1.1)):
+        area = cells(position, 1.0)
+        assert 0.5 < np.isfinite(area).mean() < 0.8
+        assert np.nanmean(area) == pytest.approx(expected, rel=0.01)
+        assert covered_area(position, 1.0) == pytest.approx(600.0 * expected, rel=0.015)
