@@ -220,6 +220,8 @@ class Simulation:
             motion.apply(p, self.time + dt / 2, dt, closing_step=False)
         self.scheme.rearrange(p, self.prescribed_motions, self.contacts)
         self.moved, self.way = drift(p, forces, dt)  # x at t + dt
+        if self.halo.images is not None:
+            self.halo.images.settle(p.position[: p.owned])
         timing.lap("integration")
         if neighbours_are_stale(self):
             self.confirm()

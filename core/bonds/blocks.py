@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from periporo.core.numerics.jit import kernel
+from periporo.core.numerics.tensors import INDEX_PAIRS
 from periporo.core.points.material import Material, StepRefused, UpdatesFailed, state_columns
-from periporo.core.points.neighbours import Pairs
+from periporo.core.points.neighbours import Pairs, original
 from periporo.core.points.opening import Opening
-from periporo.core.points.particles import Particles, rows_of
+from periporo.core.points.particles import Particles, rows_of, scalars
 from periporo.core.ranks.halo import pack
 
 
@@ -62,10 +63,12 @@ class Block(Rows):
         self._adopt(material, components)
         self.average = f"average_{index}"  # point field: has state, stress, state
         tensors, logs, start = [], [], 0
+        self.axes = scalars(1) + INDEX_PAIRS[:components]  # of the columns of `average`
         for field in material.state_fields:
             width = field.columns(components)
             if field.kind == "tensor":
                 tensors.append(start)
+            self.axes += INDEX_PAIRS[:components] if field.kind == "tensor" else scalars(width)
             logs += [field.merge == "log_mean"] * width
             start += width
         self.tensor_columns = np.array(tensors, np.int64)
@@ -179,7 +182,7 @@ class Carried:
         if "asleep" not in p.fields or p.awake == p.total:
             return None
         ids, stress, state = self._active()
-        ends = rows_of(p.id, ids.ravel()).reshape(-1, 2)
+        ends = rows_of(p.id, original(ids).ravel()).reshape(-1, 2)
         rests = (ends >= 0).all(axis=1) & (p.asleep[ends] != 0).all(axis=1) & (ends < p.owned).any(axis=1)
         return Carried.of_active(ids[rests], stress[rests], state[rests]) if rests.any() else None
 

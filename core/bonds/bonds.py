@@ -10,7 +10,7 @@ from periporo.core.bonds.rows import PairRows
 from periporo.core.numerics.jit import kernel
 from periporo.core.points.departures import GONE
 from periporo.core.points.material import Material
-from periporo.core.points.neighbours import Pairs
+from periporo.core.points.neighbours import Pairs, original
 from periporo.core.points.particles import Field, Particles, rows_of
 from periporo.core.ranks.halving import exchange_rows
 
@@ -53,8 +53,7 @@ class Bonds:
         self.initial_stress_is_total = False  # of wet soil: the laws' is that without the water's
         self.initial_stress = None  # function of positions (n, d): stress (n, 4|6) of rows without a past
         for block in self.blocks:
-            width = 1 + particles.components + block.columns
-            particles.add_field(Field(block.average, width, "", migrates=False))
+            particles.add_field(Field(block.average, len(block.axes), "", migrates=False, axes=block.axes))
         for field in layout.fields(particles.dimension, particles.components):
             particles.add_field(field)
 
@@ -92,7 +91,7 @@ class Bonds:
         if not sorts:
             place, first, second, _ = held.layout.holders(held, self.pairs)
             return first[place], second[place]
-        return rows_of(particles.id, carried.ids[carried.place].ravel()).reshape(-1, 2).T
+        return rows_of(particles.id, original(carried.ids[carried.place]).ravel()).reshape(-1, 2).T
 
     def _share(self, comm, carried, outgoing):
         """`carried` with the rows of points that come to this rank; nothing is copied if none come."""
@@ -148,7 +147,7 @@ class Bonds:
         if block.peak[1] < 0.0:
             return block.peak_ids
         ids, place = self.layout.keys(block, self.pairs)
-        return ids[place[int(block.peak[1])]]
+        return original(ids[place[int(block.peak[1])]])
 
     def refusals(self) -> list[Refusal]:
         """What laws refused since this was last asked, of this rank."""
@@ -157,7 +156,7 @@ class Bonds:
             if block.refused is not None:
                 (rows, reason), block.refused = block.refused, None
                 ids, place = self.layout.keys(block, self.pairs)
-                found.append(Refusal(type(block.material).__name__, reason, np.unique(ids[place[rows]])))
+                found.append(Refusal(type(block.material).__name__, reason, np.unique(original(ids[place[rows]]))))
         return found
 
     def failures(self, owned: int) -> tuple[int, np.ndarray]:
@@ -254,7 +253,7 @@ class Bonds:
             volume = 0.5 * (particles.volume[ends[0][alone]] + particles.volume[ends[1][alone]])
             ids, place = self.layout.keys(block, self.pairs)
             law = block.law_of(rows[alone])
-            state[alone] = law.initial_state(stress[alone], ids[place[rows[alone]]], volume)
+            state[alone] = law.initial_state(stress[alone], original(ids[place[rows[alone]]]), volume)
         block.take(stress, np.zeros_like(stress), state, dt, rows)
         block.stress[rows], block.state[rows] = stress, state
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics.jit import kernel
-from periporo.core.points.particles import Field
+from periporo.core.points.particles import Field, vector
 from periporo.core.ranks.reductions import inner
 
 ITERATIONS = 40
@@ -33,7 +33,7 @@ CUT = {
 
 def tilt_field(dimension: int) -> Field:
     """The tilts of points, for `Particles.add_field`; a bond-projected scheme with `balance` needs it."""
-    return Field("tilt", dimension, "1/m")
+    return Field("tilt", dimension, "1/m", axes=vector(dimension))
 
 
 def balance(sim) -> None:

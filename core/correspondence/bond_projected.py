@@ -105,7 +105,7 @@ class BondProjected:
 
     def _exchange(self, p, bonds, halo, changed):
         """Tell the ghosts; of the averages only where a row may be newborn, since bonds have `changed` somewhere."""
-        if halo.comm.size == 1:
+        if halo.alone:
             return
         averages = []
         if any_rank(halo.comm, bool(changed)):

@@ -14,14 +14,14 @@ the force w V_i V_j (T_i - T_j), T_i = t_i/(W_i V_i).
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics.jit import kernel
 from periporo.core.points.faces import turn
-from periporo.core.points.particles import Field
+from periporo.core.points.particles import Field, vector
 
 
 def fields(dimension: int) -> tuple[Field, ...]:
     """What points need for it, but for their tilts."""
     return (
-        Field("first_moments", 2 * dimension, "m, m/s", migrates=False),  # m/W, rho
-        Field("tilt_force", dimension, "N/m^6", migrates=False),  # T
+        Field("first_moments", 2 * dimension, "m, m/s", migrates=False, axes=2 * vector(dimension)),  # m/W, rho
+        Field("tilt_force", dimension, "N/m^6", migrates=False, axes=vector(dimension)),  # T
     )
 
 

@@ -27,7 +27,7 @@ from periporo.core.numerics import algebra as la
 from periporo.core.numerics import vectors
 from periporo.core.numerics.jit import inlined, kernel
 from periporo.core.points.forces import FLOW_WORK
-from periporo.core.points.particles import Field
+from periporo.core.points.particles import Field, tensor, vector
 
 EXCHANGE = 1.8  # part of a difference that the exchange takes away, per Courant number
 MOST_EXCHANGED = 0.9  # of a difference, in one step
@@ -49,9 +49,9 @@ def fields(dimension: int, components: int) -> tuple[Field, ...]:
     """What points need for it."""
     return (
         Field("flow", 5, "Pa, 1, m, 1, 1"),
-        Field("flow_stress", components, "Pa", migrates=False),
-        Field("mean_slope", dimension, "Pa/m"),  # of the mean stress, one step old
-        Field("rearrangement", dimension, "m"),
+        Field("flow_stress", components, "Pa", migrates=False, axes=tensor(dimension)),
+        Field("mean_slope", dimension, "Pa/m", axes=vector(dimension)),  # of the mean stress, one step old
+        Field("rearrangement", dimension, "m", axes=vector(dimension)),
         Field("exchanged_strain", None, "1", sent=False),
         Field("flow_work", len(FLOW_WORK), "J", sent=False),
     )

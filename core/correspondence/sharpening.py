@@ -26,7 +26,7 @@ from periporo.core.correspondence.influence import influence_table, influences
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics import vectors
 from periporo.core.numerics.jit import inlined, kernel
-from periporo.core.points.particles import Field
+from periporo.core.points.particles import Field, matrix
 
 ORDERED, DISORDERED = 0.1, 0.3  # shear strain of flow, up to which points are on a grid, and beyond which on none
 
@@ -36,8 +36,9 @@ _STIFFER = 0.35  # what sharpening adds to the highest frequency of a grid
 def fields(dimension: int) -> tuple[Field, ...]:
     """What points need for it."""
     return (
-        Field("sharp", dimension**2, "1/s", migrates=False),  # M
-        Field("seen", dimension**2, "Pa", migrates=False),  # g sigma + q I, as neighbours see it
+        Field("sharp", dimension**2, "1/s", migrates=False, axes=matrix(dimension)),  # M
+        # g sigma + q I, as neighbours see it
+        Field("seen", dimension**2, "Pa", migrates=False, axes=matrix(dimension)),
     )
 
 

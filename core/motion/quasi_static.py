@@ -47,7 +47,7 @@ class QuasiStaticStage(Stage):
     @staticmethod
     def attach(p: Particles) -> None:
         """Declare what the points keep."""
-        p.add_field(Field("settled_from", p.dimension, "m", sent=False))
+        p.add_field(Field("settled_from", p.dimension, "m", sent=False, place=True))
 
     def _set_out(self, sim) -> None:
         self.end_time = sim.time + self.duration

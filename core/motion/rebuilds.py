@@ -12,6 +12,7 @@ from periporo.errors import ContactError, place_text
 THINNEST = 0.1
 """Skin, over the largest, at the start and at least."""
 _OFTEN, _SELDOM = 60, 150  # steps between rebuilds that call for a thicker, or a thinner, skin
+_PASSED = 0.5  # spacings behind a plane of symmetry, from which on a point has met its image and gone on
 _IMBALANCE = 1.07  # of the bonds per rank, above which space is divided anew
 
 
@@ -24,6 +25,8 @@ def rebuild(sim, arrive: Callable[[Domain], dict[str, np.ndarray]] | None = None
     refuse_breaches(sim)
     adapt_skin(sim)
     others_sleep = sim.sleep is not None and sim.sleep.decide(sim)
+    if sim.halo.images is not None:
+        sim.halo.images.take_back(p)
     before, sim.domain = sim.domain, _divided(sim)
     owner = sim.domain.owner(p.position[: p.owned])
     if sim.departures is not None:
@@ -62,7 +65,11 @@ def neighbours_are_stale(sim) -> bool:
 
 def refuse_breaches(sim, how: str = "") -> None:
     """Raise ContactError, on all ranks alike, if a point is behind an obstacle; `how` it came there, and advice."""
-    found = [(*c.breach, c.name) for c in sim.contacts if getattr(c, "breach", None) is not None]
+    found = [(*c.breach, f"contacts[{c.name}]") for c in sim.contacts if getattr(c, "breach", None) is not None]
+    if sim.halo.images is not None:
+        depth, place = sim.halo.images.deepest(sim.particles)
+        if depth > _PASSED * sim.spacing:
+            found.append((depth, place, "symmetry"))
     if not any_rank(sim.comm, bool(found)):
         return
     breaches = [b for of_rank in sim.comm.allgather(found) for b in of_rank]
@@ -71,7 +78,7 @@ def refuse_breaches(sim, how: str = "") -> None:
     how = how or (
         "has passed the obstacle; give the contact more stiffness, or the scene a domain that points leave before"
     )
-    raise ContactError(f"contacts[{name}]: a point at ({place_text(place, sim.origin, 4)}), {where}, {how}")
+    raise ContactError(f"{name}: a point at ({place_text(place, sim.origin, 4)}), {where}, {how}")
 
 
 def _departing(sim, departures: Departures) -> np.ndarray:
@@ -108,4 +115,4 @@ def _divided(sim) -> Domain:
         if maximum(sim.comm, mine) <= _IMBALANCE * mean:
             return sim.domain
     weight = np.ones(p.owned) if sim.domain is None else sim.bonds.pairs.per_point(p.total)[: p.owned]
-    return bisect(sim.comm, p.position[: p.owned], weight)
+    return bisect(sim.comm, p.position[: p.owned], weight, sim.halo.whole)

@@ -134,7 +134,7 @@ class RelaxStage(Stage):
     @staticmethod
     def attach(p: Particles) -> None:
         """Declare what the points keep."""
-        p.add_field(Field("relaxed_from", p.dimension, "m", sent=False))
+        p.add_field(Field("relaxed_from", p.dimension, "m", sent=False, place=True))
 
     def _begin(self, sim) -> None:
         if self.limits is not None:

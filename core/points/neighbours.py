@@ -3,6 +3,9 @@
 import numpy as np
 
 from periporo.core.numerics.jit import kernel
+from periporo.core.points.particles import SHEET
+
+_ID_BITS, _SHEET_BITS = 53, 3  # of the second id of a pair: the point, and for each axis its sheet from the first one's
 
 
 class Pairs:
@@ -12,6 +15,9 @@ class Pairs:
     `weight` (n,) influence w of the present configuration, 0 from the horizon on; `count` (total,) how many bonds
     of each point are shorter than that. Every loop over pairs adds to both ends in this order, which is the same on
     every rank: sums do not depend on the decomposition.
+
+    Where points have images (`periporo.core.ranks.images`), the higher id of a pair tells them apart, `original` takes
+    this off; a pair with a mirror image begins with the end that is none.
     """
 
     def __init__(self):
@@ -29,12 +35,29 @@ class Pairs:
         self.first, self.second = find_pairs(p, np.arange(p.total), p.group, reach, capacity, asleep)
         found = len(self.first)
         self.ids = np.stack([p.id[self.first], p.id[self.second]], axis=1)
+        if SHEET in p.fields:
+            self._tell_images(p)
         self.weight, self.count = np.zeros(found), np.zeros(p.total, np.int64)
+
+    def _tell_images(self, p):
+        """Number the images in `ids`, and sort by these; a bond across a seam has the same ids from either side."""
+        swapped = p.sheet[self.first, -1] != 0
+        first, second = np.where(swapped, self.second, self.first), np.where(swapped, self.first, self.second)
+        sheets = (p.sheet[second, :-1] - p.sheet[first, :-1]) & (2**_SHEET_BITS - 1)
+        self.ids[:, 0] = p.id[first]
+        self.ids[:, 1] = p.id[second] + (sheets << (_ID_BITS + _SHEET_BITS * np.arange(p.dimension))).sum(axis=1)
+        order = np.lexsort((self.ids[:, 1], self.ids[:, 0]))
+        self.first, self.second, self.ids = first[order], second[order], self.ids[order]
 
     def per_point(self, total: int) -> np.ndarray:
         """How many listed pairs each of `total` points has, (total,) float64."""
         first, second = (np.bincount(end, minlength=total) for end in (self.first, self.second))
         return (first + second).astype(float)
+
+
+def original(ids: np.ndarray) -> np.ndarray:
+    """Ids of points from the `ids` of pairs, whichever image is meant."""
+    return ids & (2**_ID_BITS - 1)
 
 
 def find_pairs(

@@ -7,13 +7,44 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from periporo.core.numerics.algebra import DIMENSION
-from periporo.core.numerics.tensors import component_count
+from periporo.core.numerics.tensors import INDEX_PAIRS, component_count
 
 RING = "width"
 """The field of `Particles.widths`."""
 
+SHEET = "sheet"
+"""The field that tells images of a point from it, and from each other (`periporo.core.ranks.images`)."""
+
 _CACHE_LINE = 64  # bytes
 _NO_WIDTHS = np.empty(0)
+
+
+Axes = tuple[tuple[int, ...], ...]
+
+
+def scalars(count: int) -> Axes:
+    """Axes of columns that do not count along any."""
+    return ((),) * count
+
+
+def vector(dimension: int) -> Axes:
+    """Axes of the components of a vector."""
+    return tuple((a,) for a in range(dimension))
+
+
+def matrix(dimension: int) -> Axes:
+    """Axes of the components of a matrix, row by row."""
+    return tuple((a, b) for a in range(dimension) for b in range(dimension))
+
+
+def symmetric(dimension: int) -> Axes:
+    """Axes of a symmetric d x d matrix: (xx, yy, xy) or (xx, yy, zz, xy, yz, xz)."""
+    return tuple(pair for pair in INDEX_PAIRS if max(pair) < dimension)
+
+
+def tensor(dimension: int) -> Axes:
+    """Axes of a row of a stress tensor, which has zz in the plane, too."""
+    return INDEX_PAIRS[: component_count(dimension)]
 
 
 @dataclass(frozen=True)
@@ -28,30 +59,34 @@ class Field:
     sent: bool = True
     """Has rows for ghosts."""
     dtype: type = np.float64
+    axes: Axes | None = None
+    """Along which axes each column counts, by which a mirror image of it follows; None if all are scalars."""
+    place: bool = False
+    """Counts from the origin, so that a shift of the point is one of the field."""
 
 
 def standard_fields(dimension: int) -> tuple[Field, ...]:
     """The fields of every scene; features add their own with `Particles.add_field`."""
-    d, shape, matrix = dimension, dimension * (dimension + 1) // 2, dimension * dimension
+    d, shape = dimension, dimension * (dimension + 1) // 2
     return (
         Field("id", None, "", dtype=np.int64),
         Field("material", None, "", dtype=np.int64),
         Field("body", None, "", dtype=np.int64),
         Field("group", None, "", dtype=np.int64),  # points of different groups do not bond
-        Field("position", d, "m"),
-        Field("velocity", d, "m/s"),
+        Field("position", d, "m", axes=vector(d), place=True),
+        Field("velocity", d, "m/s", axes=vector(d)),
         Field("volume", None, "m^3"),  # at the start: a point's weight among its neighbours, so it stays
         Field("mass", None, "kg", sent=False),
-        Field("reference_position", d, "m", sent=False),  # where the neighbours were found
-        Field("initial_position", d, "m", sent=False),
+        Field("reference_position", d, "m", sent=False, place=True),  # where the neighbours were found
+        Field("initial_position", d, "m", sent=False, place=True),
         Field("dilation", None, "1", sent=False),  # present over initial volume
         Field("jacobian", None, "1", migrates=False, sent=False),  # the same of this step alone
         # remade by the scheme in each step
         Field("share", 3, "1/m^3, 1, 1", migrates=False),  # J integrity / sum of w V, integrity, J integrity
-        Field("shape_inverse", shape, "1/m^5", migrates=False),
-        Field("gradient", matrix, "1/s", migrates=False),  # velocity gradient
-        Field("flux", matrix, "Pa/m^5", migrates=False),  # Z K^-1 / V
-        Field("sums", 1 + shape + matrix, "", migrates=False),  # scratch of the geometry pass
+        Field("shape_inverse", shape, "1/m^5", migrates=False, axes=symmetric(d)),
+        Field("gradient", d * d, "1/s", migrates=False, axes=matrix(d)),  # velocity gradient
+        Field("flux", d * d, "Pa/m^5", migrates=False, axes=matrix(d)),  # Z K^-1 / V
+        Field("sums", 1 + shape + d * d, "", migrates=False),  # scratch of the geometry pass
     )
 
 
@@ -132,7 +167,7 @@ def rows_of(ids: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """For each of the `wanted` ids its row in `ids`, -1 where it is not there."""
     if len(ids) == 0:
         return np.full(len(wanted), -1)
-    order = np.argsort(ids)
+    order = np.argsort(ids, kind="stable")  # a point before its images
     place = order[np.minimum(np.searchsorted(ids, wanted, sorter=order), len(ids) - 1)]
     return np.where(ids[place] == wanted, place, -1)
 

@@ -104,28 +104,30 @@ def _gap(boxes, box):
     return (gap**2).sum(axis=1)
 
 
-def bisect(comm: MPI.Comm, position: np.ndarray, weight: np.ndarray) -> Domain:
+def bisect(comm: MPI.Comm, position: np.ndarray, weight: np.ndarray, whole: tuple[int, ...] = ()) -> Domain:
     """Domain that gives each rank about the same sum of `weight` (n,), points at `position` (n, d).
 
-    Each box is cut across its longest side, in proportion to the ranks on either side, by the ranks among which it is
-    divided. Weights are whole numbers: their sums are the same on all ranks.
+    Each box is cut across its longest side, but for axes that stay `whole`, in proportion to the ranks on either side,
+    by the ranks among which it is divided. Weights are whole numbers: their sums are the same on all ranks.
     """
     known = np.isfinite(position).all(axis=1)
     held, cuts = np.column_stack([position[known], weight[known]]), []
     for level in levels(comm):
-        axis, place = _plane(comm, level, held[:, :-1], held[:, -1])
+        axis, place = _plane(comm, level, held[:, :-1], held[:, -1], whole)
         held = divide(comm, level, held, held[:, axis] >= place)
         cuts.append((axis, place))
     return Domain(comm, position.shape[1], cuts)
 
 
-def _plane(comm, level, position, weight) -> tuple[int, float]:
+def _plane(comm, level, position, weight, whole) -> tuple[int, float]:
     """Axis and place of the plane below which the lower half of the group gets its part of the weight."""
     d = position.shape[1]
     ends = np.concatenate([-position.min(axis=0, initial=np.inf), position.max(axis=0, initial=-np.inf)])
     ends = combine(comm, level, ends, np.maximum)
     ends[np.isinf(ends)] = 0.0  # of a group without points
-    axis = int(np.argmax(ends[d:] + ends[:d]))
+    sides = ends[d:] + ends[:d]
+    sides[list(whole)] = -np.inf
+    axis = int(np.argmax(sides))
     along, low, high = position[:, axis], -ends[axis], ends[d + axis]
     part = (level.middle - level.first) / (level.last - level.first)
     for _ in range(_ROUNDS):

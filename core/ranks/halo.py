@@ -12,6 +12,7 @@ from periporo.core.points.departures import GONE
 from periporo.core.points.particles import Particles, awake_first
 from periporo.core.ranks.domain import Domain, distance
 from periporo.core.ranks.halving import exchange_rows
+from periporo.core.ranks.images import Images
 
 
 def pack(arrays: list[np.ndarray]) -> np.ndarray:
@@ -36,6 +37,17 @@ class Halo:
         self.messages_sent = 0
         self.points_migrated = 0
         self._exchanges: dict[tuple[str, ...], _Exchange] = {}
+        self.images: Images | None = None  # of points behind mirrors and beyond seams
+
+    @property
+    def alone(self) -> bool:
+        """Whether no point is a copy of another, on any rank."""
+        return self.comm.size == 1 and self.images is None
+
+    @property
+    def whole(self) -> tuple[int, ...]:
+        """Axes along which space is not divided among the ranks."""
+        return () if self.images is None else tuple(self.images.periods)
 
     def migrate(self, particles: Particles, owner: np.ndarray) -> dict[str, np.ndarray]:
         """Owned fields after each point moved to its new `owner` (owned,), or is `GONE`; rows in id order."""
@@ -62,9 +74,11 @@ class Halo:
         return {name: np.ascontiguousarray(array[order]) for name, array in owned.items()}
 
     def rebuild(self, particles: Particles, domain: Domain, owned: dict[str, np.ndarray], reach: float) -> None:
-        """Install the `owned` fields and find every ghost within `reach` m of this rank's box."""
+        """Install the `owned` fields and find every ghost within `reach` m of this rank's box, and every image."""
         self.close()
         owned = awake_first(owned)
+        if self.images is not None:
+            self.images.settle(owned["position"])
         near = domain.near(reach)
         rows_near = {rank: np.flatnonzero(distance(box, owned["position"]) < reach) for rank, box in near.items()}
         self.sends = {rank: rows for rank, rows in rows_near.items() if len(rows)}
@@ -75,9 +89,15 @@ class Halo:
             if count:
                 self.receives[rank] = slice(start, start + count)
                 start += count
-        self.boundary_rows = (
-            np.unique(np.concatenate(list(self.sends.values()))) if self.sends else np.empty(0, np.int64)
-        )
+        copied = [np.empty(0, np.int64), *self.sends.values()]
+        if self.images is not None:
+            self._exchange(particles, ("position",))
+            self.close()
+            ghosts = particles.total - particles.owned
+            particles.replace(owned, ghosts + self.images.find(particles, reach))
+            copied.append(self.images.rows)
+        self.boundary_rows = np.unique(np.concatenate(copied))
+        self.boundary_rows = self.boundary_rows[self.boundary_rows < particles.owned]
         names = [f.name for f in particles.fields.values() if f.migrates and f.sent]
         self.update(particles, *names)
 
@@ -91,7 +111,12 @@ class Halo:
         return {rank: int(count[0]) for rank, count in received.items()}
 
     def update(self, particles: Particles, *names: str) -> None:
-        """Refresh the ghosts' rows of the named fields: one message to each neighbour."""
+        """Refresh the ghosts' rows of the named fields, by one message to each neighbour, and the images'."""
+        self._exchange(particles, names)
+        if self.images is not None:
+            self.images.fill(particles, names)
+
+    def _exchange(self, particles, names):
         if not self.sends and not self.receives:
             return
         if names not in self._exchanges:

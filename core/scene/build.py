@@ -43,6 +43,7 @@ from periporo.core.scene.contacts import (
 from periporo.core.scene.fields import ParameterFields, agreed, create_laws
 from periporo.core.scene.geostatic import GeostaticStress, uniform_stress
 from periporo.core.scene.grounds import share_grounds
+from periporo.core.scene.images import build_images
 from periporo.core.scene.points import PointMaker
 from periporo.core.scene.water import build_water, refuse_inner_inflows, wetted
 from periporo.core.simulation import Simulation
@@ -85,7 +86,8 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
     refuse_penetration(scene, contacts, sim)
     fit_jittered(scene, contacts, particles)
     if scene.initial_stress is not None:
-        sim.bonds.initial_stress = _initial_stress(scene, sim.materials, water, lattices)
+        stress, images = _initial_stress(scene, sim.materials, water, lattices), sim.halo.images
+        sim.bonds.initial_stress = stress if images is None else lambda places: stress(images.within(places))
         sim.bonds.initial_stress_is_total = water is not None and scene.initial_stress.type == "geostatic"
     free_water = [] if water is None or water.free is None else [water.free]
     sim.stages = [_stage(scene, sim, stage, contacts, free_water, lattices) for stage in scene.stages]
@@ -114,6 +116,7 @@ def _empty(scene, comm, materials) -> Simulation:
     time_step = StableTimeStep(scene.time_step.safety, scene.time_step.fixed, scene.time_step.update)
     particles, skin = Particles(scene.dimension), SKIN * scene.spacing
     sim = Simulation(comm, particles, materials, scheme, spacing=scene.spacing, skin=skin, time_step=time_step)
+    sim.halo.images = build_images(scene, particles)
     if scene.axisymmetric:
         scheme.axisymmetric = True
         particles.add_field(Field(RING, None, "m"))

@@ -11,6 +11,7 @@ import numpy as np
 
 from periporo.core.bonds.blocks import Carried
 from periporo.core.motion.energy import Ledger
+from periporo.core.points.neighbours import original
 from periporo.core.points.particles import awake_first, rows_of
 from periporo.core.ranks import domain as decomposition
 from periporo.core.ranks.domain import Domain
@@ -145,7 +146,7 @@ def distributed(sim, state: State) -> State:
     ids, place = state.points["id"], state.points["reference_position"]
     holders = [np.searchsorted(ids, rows.ids[:, 0]) for rows in state.rows]
     weight = sum((np.bincount(h, minlength=len(ids)) for h in holders), np.ones(len(ids)))
-    domain = decomposition.bisect(comm, place, weight)
+    domain = decomposition.bisect(comm, place, weight, sim.halo.whole)
     owner = domain.owner(place)
     points = dict(zip(names, _sent(comm, columns, owner), strict=True))
     order = np.argsort(points["id"], kind="stable")
@@ -213,7 +214,7 @@ def _shared(sim, rows: Carried) -> Carried:
     """The rows together with those whose second end is ours and whose first end is another rank's."""
     p = sim.particles
     packed = pack([rows.ids, rows.stress, rows.state])
-    second = rows_of(p.id, rows.ids[:, 1])
+    second = rows_of(p.id, original(rows.ids[:, 1]))
     receives = sim.halo.receives.items()
     outgoing = {r: packed[(second >= ghosts.start) & (second < ghosts.stop)] for r, ghosts in receives}
     arrived = exchange_rows(sim.comm, outgoing, packed.shape[1])

@@ -56,7 +56,7 @@ class StrengthReductionStage(Stage):
     @staticmethod
     def attach(p: Particles) -> None:
         """Declare what the points keep."""
-        p.add_field(Field("weakened_from", p.dimension, "m", sent=False))
+        p.add_field(Field("weakened_from", p.dimension, "m", sent=False, place=True))
 
     def _set_out(self, sim) -> None:
         self._laws = [block.material for block in sim.bonds.blocks]

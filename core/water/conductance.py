@@ -24,7 +24,7 @@ import numpy as np
 
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics.jit import inlined, kernel
-from periporo.core.points.particles import Field
+from periporo.core.points.particles import Field, scalars, symmetric
 
 _FACE = 0.5  # of the face of a cell: a smaller sum of directions is the unevenness of points inside
 _TURNS = 2  # in which conductances along the surface are fitted
@@ -36,7 +36,8 @@ def fields(dimension: int) -> tuple[Field, ...]:
     """What points need for it."""
     shape = dimension * (dimension + 1) // 2
     return (
-        Field("conduction", 1 + shape, "m^3, 1/m^3"),  # W, Lambda; W is 0 of points without regular company
+        # W, Lambda; W is 0 of points without regular company
+        Field("conduction", 1 + shape, "m^3, 1/m^3", axes=(*scalars(1), *symmetric(dimension))),
         # outward area vector A of its face, and sum a xi (x) xi of stretched xi; zeros of points inside
         Field("outer_face", dimension + shape, "m^2, m^3", sent=False),
     )

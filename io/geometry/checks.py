@@ -14,6 +14,11 @@ from periporo.io.schema.bodies import Points
 from periporo.io.schema.scene import SceneInput
 
 MAX_SITES = 2 * 10**9
+_EDGE = 1e-9  # of the spacing
+_LIMITS = {
+    "domain": "make the domain larger", "symmetry": "give only what lies on one side of the plane",
+    "periodic": "give only what lies in the cell",
+}  # fmt: skip
 
 
 def geometry_problems(scene: SceneInput) -> Iterator[Problem]:
@@ -50,19 +55,21 @@ def geometry_problems(scene: SceneInput) -> Iterator[Problem]:
 
 
 def _domain_problems(scene: SceneInput, lattices: list[Lattice], origin: np.ndarray) -> Iterator[Problem]:
-    """Bodies that reach out of the domain."""
-    if scene.domain is None:
-        return
+    """Bodies that reach out of the domain, behind a plane of symmetry, or out of a periodic cell."""
+    for key, cure in _LIMITS.items():
+        yield from _beyond(getattr(scene, key), key, cure, lattices, origin)
+
+
+def _beyond(limits, key, cure, lattices, origin):
     for name, sign in (("lower", 1.0), ("upper", -1.0)):
-        for a, bound in enumerate(getattr(scene.domain, name) or ()):
+        for a, bound in enumerate(getattr(limits, name, None) or ()):
             if bound is None:
                 continue
             ends = [sign * (getattr(lattice, name)[a] + origin[a]) for lattice in lattices]
             k = int(np.argmin(ends))
-            if ends[k] < sign * bound:
+            if ends[k] < sign * bound - _EDGE * lattices[k].spacing:
                 reach = f"reaches to {sign * ends[k]:.6g} along {'xyz'[a]}"
-                message = f"the body '{lattices[k].body.name}' {reach}; make the domain larger"
-                yield Problem(("domain", name), message)
+                yield Problem((key, name), f"the body '{lattices[k].body.name}' {reach}; {cure}")
 
 
 def _size_problem(lattice: Lattice, origin: np.ndarray) -> str | None:

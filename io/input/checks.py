@@ -8,6 +8,7 @@ import numpy as np
 from periporo.core.numerics.histories import drift
 from periporo.errors import Path, Problem, choice
 from periporo.io.geometry.checks import geometry_problems
+from periporo.io.input.images import image_problems
 from periporo.io.input.rings import ring_problems
 from periporo.io.schema.base import AccelerationComponents, MotionComponents, Region, SceneModel
 from periporo.io.schema.bodies import Body, Polygon, Raster, StressComponents
@@ -26,7 +27,7 @@ def scene_problems(scene: SceneInput) -> list[Problem]:
     """Contradictions within a scene whose parts are valid each for itself."""
     problems = [*_dimension_problems(scene), *_order_problems(scene), *_name_problems(scene)]
     problems += [*_gravity_problems(scene), *_motion_problems(scene), *_strength_problems(scene)]
-    problems += [*_water_problems(scene), *_sleep_problems(scene), *ring_problems(scene)]
+    problems += [*_water_problems(scene), *_sleep_problems(scene), *ring_problems(scene), *image_problems(scene)]
     return problems or list(geometry_problems(scene))
 
 

@@ -153,17 +153,32 @@ class Checkpoint(SceneModel):
     keep: Integer = key("checkpoints that are kept", default=2, ge=1, le=1000)
 
 
-class Domain(SceneModel):
-    """A box that points may leave, but not come back to: outside they are taken away."""
-
+class _Ends(SceneModel):
     lower: OpenPosition | None = key("lower corner, null = open", "m", default=None, vector=True, place="point")
     upper: OpenPosition | None = key("upper corner, null = open", "m", default=None, vector=True, place="point")
+
+    def along(self, axis: int) -> tuple[float | None, float | None]:
+        """The lower and the upper end along an axis, m."""
+        lower, upper = ((end or ())[axis : axis + 1] for end in (self.lower, self.upper))
+        return (lower[0] if lower else None), (upper[0] if upper else None)
+
+
+class Domain(_Ends):
+    """A box that points may leave, but not come back to: outside they are taken away."""
 
     @model_validator(mode="after")
     def _bounds(self):
         if self.lower is None and self.upper is None:
             raise ValueError("give at least one of lower, upper")
         return self
+
+
+class Symmetry(_Ends):
+    """Planes across the axes behind which everything is a mirror image; the bodies lie between them."""
+
+
+class Periodic(_Ends):
+    """A cell that repeats for ever along the axes along which both of its ends are given."""
 
 
 class Monitor(SceneModel):
@@ -206,6 +221,8 @@ class SceneInput(SceneModel):
     boundaries: dict[Name, Boundary] = key("boundary conditions by name, for use in stages", default={})
     contacts: tuple[Contact, ...] = key("what bodies may touch", default=(), max_length=1000)
     domain: Domain | None = key("where points stay; default everywhere", default=None)
+    symmetry: Symmetry | None = key("planes of symmetry; default none", default=None)
+    periodic: Periodic | None = key("axes along which the scene repeats; default none", default=None)
     failed_points: Literal["keep", "remove"] = key(
         "points whose law fails in a step: they keep their stress, or are taken away", default="keep"
     )

@@ -121,6 +121,18 @@ def softening():
     }
 
 
+def channel():
+    """Clay between a plane of symmetry and a free surface crosses the seam of a periodic cell, row by row."""
+    scene = column(periodic={"lower": [0.0, None], "upper": [0.1, None]}, symmetry={"lower": [None, 0.0]})
+    body = {"name": "heap", "material": "clay", "jitter": 0.1, "velocity": [5.0, 0.0],
+            "shape": {"type": "box", "lower": [0.0, 0.0], "upper": [0.1, 0.15]}}  # fmt: skip
+    return scene | {
+        "gravity": [20.0, 0.0], "bodies": [body], "contacts": [], "boundaries": {}, "initial_stress": {
+            "type": "uniform", "components": {"xx": -300.0, "yy": -200.0, "zz": -200.0}},
+        "stages": [{"name": "flow", "type": "dynamics", "duration": 0.03}],
+    }  # fmt: skip
+
+
 OTHERS = [name for name in SCHEMES if name != "bond_projected"]
 OTHERS += [{"scheme": "point_state", "sharpened": True}, {"scheme": "point_state", "sharpened": True, "regular": True},
            {"scheme": "bond_projected", "balance": True},
@@ -133,7 +145,7 @@ def falling(scheme):
 
 
 SCENES = {
-    scene.__name__: scene() for scene in (column, wet_column, waiting_column, stacked_cubes, dozing, softening)
+    scene.__name__: scene() for scene in (column, wet_column, waiting_column, stacked_cubes, dozing, softening, channel)
 }
 SCENES |= {f"scheme {number}": falling(scheme) for number, scheme in enumerate(OTHERS)}
 
@@ -187,6 +199,7 @@ def test_the_state_at_a_step_is_the_same_however_the_run_got_there(carried_on, a
     state = alone[name]
     assert state["rows_0/ids"].shape[0] > 100 and (np.diff(state["points/id"]) > 0).all()
     assert state["points/work"].any()
+    assert name != "channel" or 0 < np.count_nonzero(state["points/sheet"]) < len(state["points/id"])
     if "column" in name:
         assert state["points/contact_spring_0"].any() and state["points/id"].tolist() == list(range(150))
 
