@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics.algebra import DIMENSION, LANES
 from periporo.core.numerics.elasticity import add_elastic
-from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.numerics.jit import kernel
 from periporo.core.numerics.tensors import dimension_of
 from periporo.core.points.material import OPENED, StateField
 from periporo.materials.base import MaterialParameters, units
@@ -88,18 +88,14 @@ class GranularMuI(MaterialParameters):
 
     def compute_stress(self, stress, strain_increment, state, dt):
         """Advance `stress` (n, 4|6) Pa by `strain_increment` in place over `dt` s."""
-        self._advance(self._numbers()[None], stress, strain_increment, state, dt)
+        _advance(*self._numbers(dt), stress, strain_increment, state, self.report_dissipation, _dim_of(stress))
 
-    def _numbers(self) -> np.ndarray:
-        """K, G, mu_s, mu_2, I_0 G and d sqrt(rho_s): (6,)."""
-        size = self.grain_diameter * math.sqrt(self.grain_density)
-        frictions = self.static_friction, self.largest_friction
-        stiffness = self.inertial_number * self.shear_modulus
-        return np.array([self.bulk_modulus, self.shear_modulus, *frictions, stiffness, size])
-
-    def _advance(self, numbers, stress, strain_increment, state, dt) -> None:
-        slowness, dim = numbers[:, 4] * dt / numbers[:, 5], DIMENSION[dimension_of(stress)]
-        _advance(numbers, slowness, stress, strain_increment, state, self.report_dissipation, dim)
+    def _numbers(self, dt: float) -> tuple[float, ...]:
+        """What the return needs to know of the parameters: see `_advance`."""
+        slowness = self.inertial_number * self.shear_modulus * dt / (
+            self.grain_diameter * math.sqrt(self.grain_density)
+        )  # fmt: skip
+        return self.bulk_modulus, self.shear_modulus, self.static_friction, self.largest_friction, slowness
 
     @classmethod
     def of_rows(cls, laws, components):
@@ -125,11 +121,11 @@ class _GranularRows:
     """Rows with a law each."""
 
     def __init__(self, laws):
-        self._numbers = np.array([law._numbers() for law in laws])
         self._law = laws[0]
+        self._numbers = np.array([law._numbers(1.0) for law in laws])
 
     def compute_stress(self, stress, strain_increment, state, dt):
-        self._law._advance(self._numbers, stress, strain_increment, state, dt)
+        _advance_each(self._numbers, dt, stress, strain_increment, state, self._law.report_dissipation, _dim_of(stress))
 
     def tension_limit(self, stress, state):
         return self._law.tension_limit(stress, state)
@@ -138,45 +134,34 @@ class _GranularRows:
         return self._numbers[:, 0].copy(), self._numbers[:, 1].copy()
 
 
-@inlined
-def _tell(tile, start, k, numbers, slowness, r):
-    """Frictions, slowness and shear modulus of a lane."""
-    la.to_lane(tile, start, k, (numbers[r, 2], numbers[r, 3], slowness[r], numbers[r, 1]))
+def _dim_of(stress) -> tuple[float, ...]:
+    return DIMENSION[dimension_of(stress)]
 
 
 @kernel
-def _advance(numbers, slowness, stress, strain_increment, state, reports, dim):
-    """Hooke's law and return of all rows.
-
-    `numbers` (n, 6) of each row, or (1, 6) of all, begin with K, G, mu_s and mu_2. `slowness` (n or 1,) times sqrt(P)
-    is G dt times the rate of shear at which I = I_0.
+def _advance(bulk, shear, least, largest, slowness, stress, strain_increment, state, reports, dim):
+    """Hooke's law and return of all rows; `slowness` times sqrt(P) is G dt times the rate of shear at which I = I_0.
 
     With S = sqrt(J2) of the trial, a = slowness sqrt(P) and t = sqrt(J2) after the step, t = P mu(I) and G gamma' dt
     = S - t give t^2 - (S + mu_2 P + a) t + S mu_2 P + a mu_s P = 0.
     """
     like = la.zero_symmetric(dim)
-    n, own = len(like), numbers.shape[0] > 1
-    tile = np.ones((n + 7) * LANES)
-    for k in range(LANES):
-        _tell(tile, n + 3, k, numbers, slowness, 0)
+    n = len(like)
+    tile = np.ones((n + 3) * LANES)
     for base in range(0, stress.shape[0], LANES):
         count = min(LANES, stress.shape[0] - base)
         for k in range(count):
             b = base + k
-            if own:
-                _tell(tile, n + 3, k, numbers, slowness, b)
-            r = b if own else 0
-            add_elastic(numbers[r, 0], numbers[r, 1], b, stress, strain_increment)
+            add_elastic(bulk, shear, b, stress, strain_increment)
             la.to_lane(tile, 0, k, la.symmetric_at(stress, b, 0, dim))
         for k in range(LANES):
             s = la.from_lane(tile, 0, k, like)
-            least, largest, own_slowness, _ = la.from_lane(tile, n + 3, k, (0.0, 0.0, 0.0, 0.0))
             p = (s[0] + s[1] + s[2]) / 3.0
             j2 = 0.5 * ((s[0] - p) ** 2 + (s[1] - p) ** 2 + (s[2] - p) ** 2)
             for c in range(3, n):
                 j2 += tile[c * LANES + k] ** 2
             root, pressure = math.sqrt(j2), 0.0 if p > 0.0 else -p
-            slow = own_slowness * math.sqrt(pressure)
+            slow = slowness * math.sqrt(pressure)
             least_root, largest_root = least * pressure, largest * pressure
             total, product = root + largest_root + slow, root * largest_root + slow * least_root
             new = 2.0 * product / (total + math.sqrt(max(total * total - 4.0 * product, 0.0)))
@@ -187,9 +172,17 @@ def _advance(numbers, slowness, stress, strain_increment, state, reports, dim):
             p, scale, root = la.from_lane(tile, n, k, (0.0, 0.0, 0.0))
             scale = 0.0 if p > 0.0 else scale
             if reports:
-                state[b, 0] = scale * (1.0 - scale) * root * root / tile[(n + 6) * LANES + k]
+                state[b, 0] = scale * (1.0 - scale) * root * root / shear
             if scale == 1.0 and not p > 0.0:
                 continue
             new_p = 0.0 if p > 0.0 else p
             for c in range(n):
                 stress[b, c] = scale * (stress[b, c] - (p if c < 3 else 0.0)) + (new_p if c < 3 else 0.0)
+
+
+@kernel
+def _advance_each(numbers, dt, stress, strain_increment, state, reports, dim):
+    """`_advance` where rows have `numbers` (n, 5) of their own, with the slowness of a time step of 1 s."""
+    for b in range(stress.shape[0]):
+        n, own = numbers[b], slice(b, b + 1)
+        _advance(n[0], n[1], n[2], n[3], dt * n[4], stress[own], strain_increment[own], state[own], reports, dim)

@@ -7,7 +7,7 @@ friction it is Tresca's law of undrained clay.
 
 import functools
 import math
-from typing import Annotated, Self
+from typing import Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -18,15 +18,13 @@ from periporo.core.points.material import OPENED, StateField, state_column
 from periporo.materials.base import MaterialParameters, units
 from periporo.materials.friction import FrictionAngles
 from periporo.materials.mohr_coulomb_rows import advance, fill_tension_limit
-from periporo.materials.tables import StrainTable, extremes, scaled, strains_of, values_at
+from periporo.materials.tables import OverStrain, StrainTable, extremes, scaled, strains_of, values_at
 
 _PRESSURE, _DENSITY, _DEGREES, _NUMBER, _RATE, _LENGTH = units("Pa", "kg/m^3", "deg", "1", "1/s", "m")
 
 PLASTIC_SHEAR = StateField("plastic_shear", "1")
 SOFTENING_PART = StateField("softening_part", "1")
 DISSIPATION = StateField("dissipation", "J/m^3")
-
-_OverStrain = float | Annotated[StrainTable, Field(strict=False)]
 
 
 class MohrCoulomb(MaterialParameters):
@@ -40,13 +38,13 @@ class MohrCoulomb(MaterialParameters):
     density: float = Field(gt=0, description="dry bulk density", json_schema_extra=_DENSITY)
     bulk_modulus: float = Field(gt=0, description="bulk modulus K", json_schema_extra=_PRESSURE)
     shear_modulus: float = Field(gt=0, description="shear modulus mu", json_schema_extra=_PRESSURE)
-    cohesion: _OverStrain = Field(
+    cohesion: OverStrain = Field(
         description="cohesion c, or undrained strength; a number or a table", json_schema_extra=_PRESSURE
     )
-    friction_angle: _OverStrain = Field(
+    friction_angle: OverStrain = Field(
         description="angle of friction phi, a number or a table", json_schema_extra=_DEGREES
     )
-    dilation_angle: _OverStrain = Field(
+    dilation_angle: OverStrain = Field(
         0.0, description="angle of dilation psi, a number or a table", json_schema_extra=_DEGREES
     )
     tension_cutoff: float | None = Field(

@@ -40,7 +40,7 @@ class NorSand(MaterialParameters):
         json_schema_extra=_NUMBER,
     )  # fmt: skip
     critical_state_slope: float = Field(
-        gt=0, lt=3, description="M, q/p at the critical state in triaxial compression", json_schema_extra=_NUMBER
+        gt=0, lt=2.5, description="M, q/p at the critical state in triaxial compression", json_schema_extra=_NUMBER
     )
     critical_void_ratio: float = Field(
         gt=0, le=20, description="Gamma, void ratio of the critical state at 1 kPa", json_schema_extra=_NUMBER
@@ -132,7 +132,7 @@ class NorSand(MaterialParameters):
         slope = self.critical_state_slope
         angle = math.degrees(math.asin(3.0 * slope / (6.0 + slope)))
         plane = (slope - slope**2 / (3.0 + slope) * math.sqrt(0.5)) / math.sqrt(3.0)
-        return FrictionAngles(angle, angle, math.degrees(math.asin(plane)) if plane < 1.0 else None)
+        return FrictionAngles(angle, angle, math.degrees(math.asin(plane)))
 
     def critical_void_ratio_at(self, pressure) -> np.ndarray:
         """Void ratio of the critical state (n,) at a `pressure` (n,) Pa."""

@@ -3,7 +3,7 @@
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 
 _Rows = Annotated[tuple[float, ...], Field(min_length=2, max_length=1000)]
 
@@ -27,6 +27,13 @@ class StrainTable(BaseModel):
             if later <= earlier:
                 raise ValueError(f"plastic_shear must increase, but {later:g} follows {earlier:g}")
         return self
+
+
+OverStrain = Annotated[
+    Annotated[float, Tag("[number]")] | Annotated[StrainTable, Field(strict=False), Tag("[table]")],
+    Discriminator(lambda value: "[table]" if isinstance(value, dict | StrainTable) else "[number]"),
+]
+"""A number, or a table of it: what is wrong with it is said of the one that was meant."""
 
 
 def strains_of(*parameters: float | StrainTable) -> np.ndarray:

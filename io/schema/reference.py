@@ -59,7 +59,8 @@ def _entry_of_law(name: str) -> dict[str, Any]:
     law["properties"] = {"model": model} | law["properties"]
     law["required"] = ["model", *law.get("required", ())]
     for key, entry in law["properties"].items():
-        if entry.get("type") == "number":
+        choices = [entry, *entry.get("anyOf", ()), *entry.get("oneOf", ())]
+        if any(one.get("type") == "number" for one in choices):
             shown = {word: entry.pop(word) for word in ("description", "unit", "title", "default") if word in entry}
             law["properties"][key] = {"anyOf": [entry, {"$ref": _FIELD}]} | shown
     if "$defs" in law:

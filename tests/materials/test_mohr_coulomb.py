@@ -6,6 +6,7 @@ from pydantic import ValidationError
 from scipy.optimize import nnls
 
 from periporo.core.numerics.tensors import to_matrix
+from periporo.io.schema.errors import model_problems
 from periporo.materials import StateField, built_in_path, check_material, drive
 from periporo.materials.mohr_coulomb import MohrCoulomb
 
@@ -235,3 +236,11 @@ def test_only_what_has_memory_keeps_it():
 def test_impossible_parameters_are_refused(change, message):
     with pytest.raises(ValidationError, match=message):
         soil(**change)
+
+
+def test_what_is_wrong_with_a_table_is_said_of_the_table():
+    table = {"plastic_sheer": [0, 1], "values": [1e3, "x"]}
+    data = soil().model_dump(exclude_none=True) | {"cohesion": table, "friction_angle": "steep"}
+    said = [(p.path, p.message) for p in model_problems(MohrCoulomb, data)]
+    assert [path for path, _ in said] == [("cohesion", "plastic_sheer"), ("cohesion", "values", 1), ("friction_angle",)]
+    assert "did you mean 'plastic_shear'?" in said[0][1] and all("must be a number" in text for _, text in said[1:])

@@ -117,6 +117,8 @@ def test_schema_tells_editors_what_a_key_means():
     assert schema["properties"]["spacing"]["minimum"] == 1e-6
     law = schema["$defs"]["law drucker_prager"]
     assert law["properties"]["cohesion"]["description"].endswith("[Pa]") and "model" in law["required"]
+    for law, key in (("elastic", "bulk_modulus"), ("mohr_coulomb", "cohesion"), ("umat", "shear_modulus")):
+        assert {"$ref": "periporo:field"} in schema["$defs"][f"law {law}"]["properties"][key]["anyOf"]
 
 
 def test_a_law_with_definitions_of_its_own_keeps_its_references(monkeypatch):
