@@ -29,8 +29,8 @@ WIDTH, HEIGHT, TABLE, STRIP = 3.0, 2.0, 0.65, 0.5  # m
 RAIN, CONDUCTIVITY, PORES = 0.148 / 3600.0, 0.35 / 3600.0, 0.3  # m/s, m/s, 1
 HOURS = (2, 3, 4, 8)
 PLACES = (0.0, 1.0)  # m from the middle
-_WEIGHT, _STEP = 9810.0, 120.0  # N/m^3, s
-_AGREED = 1e-5  # m, between iterations
+_WEIGHT, _STEP, _MOST_ITERATIONS = 9810.0, 120.0, 100  # N/m^3, s, 1
+_AGREED, _LARGEST = 1e-5, 0.1  # m, between iterations: when they are over, and what one may change
 
 
 def saturation(head):
@@ -104,7 +104,7 @@ def by_fipy(spacing):
     began, levels, out, stored = time.process_time(), [], [], PORES * saturation(head.value)
     start = stored.sum()
     for number in range(1, round(3600.0 * HOURS[-1] / _STEP) + 1):
-        for _ in range(50):
+        for _ in range(_MOST_ITERATIONS):
             h = head.value.copy()
             kr = CellVariable(mesh=mesh, value=CONDUCTIVITY * relative_conductivity(h)).arithmeticFaceValue.value
             conducts.setValue(kr)
@@ -113,7 +113,9 @@ def by_fipy(spacing):
             capacity.setValue(slope / _STEP)
             known.setValue((slope * h - PORES * saturation(h) + stored) / _STEP + falls)
             equation.solve(var=head)
-            if np.abs(head.value - h).max() < _AGREED:
+            change = np.clip(head.value - h, -_LARGEST, _LARGEST)
+            head.setValue(h + change)
+            if np.abs(change).max() < _AGREED:
                 break
         stored = PORES * saturation(head.value)
         hours = number * _STEP / 3600.0

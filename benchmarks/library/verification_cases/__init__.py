@@ -113,6 +113,7 @@ CASES = (
     Case("W7", drainage.liakopoulos),
     Case("W8", footing.undrained_footing),
     Case("W9", waves.undrained_wave),
+    Case("W10", slopes.wet_slope),
     Case("W11", noise.at_rest_and_in_flow),
     Case("W12", rain.failure_by_rain),
 )

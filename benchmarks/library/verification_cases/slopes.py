@@ -1,15 +1,17 @@
-"""V21: stability of a vertical cut in clay without drainage, and of an infinite slope of sand.
+"""V21, W10: stability of a vertical cut in clay without drainage, and of an infinite slope of sand, dry or wet.
 
 Both are left to their weight with viscous damping; what falls freely gets to the speed g/rate. A body fails if it
 still moves at a given share of that at the end; it stands if it has come to rest. Each limit is bracketed by
 bisection, and both sides of the bracket are figures.
 """
 
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from periporo.core.loads.boundary import Motion
+from periporo.core.water.pore_water import DrainedWater
 
 from .common import BULK, DEFAULT, DENSITY, GRAVITY, SHEAR, Figure, box, owned, simulation
 from .footing import flowing
@@ -17,6 +19,11 @@ from .footing import flowing
 HEIGHT = 2.0  # of the cut, m
 STABILITY = 3.776  # gamma H / c at which a vertical cut fails (limit analysis, Martin 2011)
 ANGLE = 30.0  # of friction, degrees
+WEIGHT, PORES = 1000.0 * GRAVITY, 0.4  # of water, N/m^3; 1
+_WATER = {
+    "along": {"suction": 0, "porosity": PORES},
+    "submerged": {"water_table": 100.0, "free_water": {"level": 100.0}, "porosity": PORES},
+}
 HELD = 3  # rows of points that are the ground below the slope
 
 
@@ -48,10 +55,11 @@ def cut(number, rows, scheme, duration=2.0, rate=20.0):
     ), rate  # fmt: skip
 
 
-def infinite_slope(angle, dilation, rows, scheme, duration=3.0, rate=3.0):
+def infinite_slope(angle, dilation, rows, scheme, duration=3.0, rate=3.0, water=None):
     """Simulation of a layer 1 m thick on a slope of `angle` degrees, in axes along and across it, and its damping.
 
-    It starts without stress and is 12 points long; points of the same depth are tied, as if it went on forever.
+    It starts without stress and is 12 points long; points of the same depth are tied, as if it went on forever. `water`
+    flows "along" it up to its surface, or the slope is "submerged" in water at rest.
     """
     spacing, slope = 1.0 / rows, np.radians(angle)
     sand = {"model": "drucker_prager", "density": DENSITY, "bulk_modulus": BULK / 10.0, "shear_modulus": SHEAR / 10.0,
@@ -60,9 +68,24 @@ def infinite_slope(angle, dilation, rows, scheme, duration=3.0, rate=3.0):
         spacing, box([0.0, -HELD * spacing], [12 * spacing, 1.0]), scheme=scheme, material=sand,
         gravity=[GRAVITY * np.sin(slope), -GRAVITY * np.cos(slope)],
         stages=[{"name": "weight", "type": "dynamics", "duration": duration, "damping": {"viscous": rate}}],
+        **({} if water is None else {"pore_water": _WATER[water]}),
     )  # fmt: skip
     sim.stages[0].prescribed_motions.append(_TiedRows(sim))
+    for process in sim.point_processes:
+        if water == "along" and isinstance(process, DrainedWater):
+            process.profile = _AlongSlope(WEIGHT * np.cos(slope))
     return sim, rate
+
+
+@dataclass(frozen=True)
+class _AlongSlope:
+    """Pressure of water that flows along the slope: it grows across it by `gradient` Pa/m, from the surface on."""
+
+    gradient: float
+    varies = True
+
+    def at(self, position):
+        return self.gradient * np.maximum(1.0 - position[:, 1], 0.0)
 
 
 class _TiedRows(Motion):
@@ -122,6 +145,18 @@ def sand_slope(full=False, scheme=DEFAULT):
         limit = float(exact(np.radians(ANGLE)))
         found = bisect(partial(_slides, make), 0.8 * limit, 1.3 * limit, 0.01 if full else 0.04)
         figures += _bracket(name, found, limit)
+    return figures
+
+
+def wet_slope(full=False, scheme=DEFAULT):
+    """W10: infinite slope of sand without dilation, with water along it, or submerged, tan(slope) at failure."""
+    figures, rows = [], 24 if full else 12
+    saturated = (DENSITY + 1000.0 * PORES) * GRAVITY
+    for water, part in (("along", 1.0 - WEIGHT / saturated), ("submerged", 1.0)):
+        make = partial(infinite_slope, dilation=0.0, rows=rows, scheme=flowing(scheme), water=water)
+        limit = part * float(np.sin(np.radians(ANGLE)))
+        found = bisect(partial(_slides, make), 0.8 * limit, 1.3 * limit, 0.01 if full else 0.08)
+        figures += _bracket({"along": "water along it"}.get(water, water), found, limit)
     return figures
 
 
