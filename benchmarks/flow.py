@@ -6,8 +6,8 @@
     python -m benchmarks flow --rows 20 --heights 0.1 --turned 30 --at 500000 4000000
     python -m benchmarks flow --rows 20 40 80 --heights 0.1 --bulk 2.5e6 --figure docs/figures/flow.png
 
-A column of `--heights` (m) and a width of .1 m of isochoric, cohesionless Drucker-Prager sand (phi 30) collapses on a
-rough floor. A row of the table is one output: area that the connected deposit covers over its first (a filled
+A column of `--heights` (m) and a width of .1 m of isochoric, cohesionless Drucker-Prager sand (`--phi` 30 degrees)
+collapses on a rough floor. A row is one output: area that the connected deposit covers over its first (a filled
 outline); *inside*: the area of Voronoi cells more than 2.5 spacings beneath that outline over their volume; sum of the
 points' volumes over the first; first and last percentile of the points' volumes; scatter of the vertical stress in soil
 that flows (shear rate above 3 1/s) and rests (below .3 1/s); run-out and height. A seed other than 0 shakes the lattice
@@ -180,6 +180,7 @@ def main(words=None) -> None:
     options.add_argument("--rows", type=int, nargs="+", default=[20, 40], help="points over the height")
     options.add_argument("--seeds", type=int, nargs="+", default=[0])
     options.add_argument("--bulk", type=float, default=25e6, help="bulk modulus, Pa")
+    options.add_argument("--phi", type=float, default=30.0, help="angle of friction, degrees")
     options.add_argument("--psi", type=float, default=0.0, help="angle of dilation, degrees")
     options.add_argument("--largest-dilation", type=float, help="volumetric strain at which dilation ends")
     options.add_argument("--turned", type=float, default=0.0, help="degrees by which the scene is turned")
@@ -190,7 +191,7 @@ def main(words=None) -> None:
     chosen = options.parse_args(words)
     turn = math.radians(chosen.turned)
     rotation = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
-    law = {"dilation_angle": chosen.psi, "largest_dilation": chosen.largest_dilation}
+    law = {"friction_angle": chosen.phi, "dilation_angle": chosen.psi, "largest_dilation": chosen.largest_dilation}
     deposits = []
     print(_HEAD + "\n" + "|---" * (_HEAD.count("|") - 1) + "|", flush=True)
     for height in chosen.heights:
