@@ -13,15 +13,17 @@ their place: while a pair presses, the energy
 
     a s_i s_j W(t) (d_i/M_i + d_j/M_j) tau^2 / 2,  tau = (d_i tau_i/M_i + d_j tau_j/M_j) / (d_i/M_i + d_j/M_j),
 
-with the area a of a cell, tau_i = n.sigma_i n and M = K + 4 mu/3, is the contact's and no longer the cells'. So contact
+with the area a of a cell, tau_i = n.sigma_i n and M = K + 4 mu/3, is the contact's and no longer the cells'. d_i counts
+here times integrity and volume ratio of its point: what is torn or crushed cannot give more than it holds. So contact
 has no softness of its own: waves pass, and a uniform stress presses as it would inside a body. The stress of a point
 counts less for it by
 
     a s_i s_j W(t) d_i tau (n (x) n + q (I - n (x) n)),
 
-with q of `periporo.contact.faces`, which is the lever of the contact's force. All forces are the slopes of these
-energies, those through the turning and the bulging of faces included; only where a pair begins or ceases to press under
-a tau that is not zero is there a step. So contact gives back what it took, whatever the surfaces look like.
+with q of `periporo.contact.faces`, which is the lever of the contact's force. Both energies fade as the faces of a pair
+turn to a right angle, where they do not meet. All forces are the slopes of these energies, those through the turning
+and the bulging of faces included; only where a pair begins or ceases to press under a tau that is not zero is there a
+step. So contact gives back what it took, whatever the surfaces look like.
 
 Friction: every point has one spring to what it touches, from where it began to stick, in the mean of its pairs' slips,
 weighted by their pressures. It has half of the stiffness along a face (a quarter of k), the other half being that of
@@ -130,7 +132,7 @@ class BodiesContact:
             return
         self._renew(p)
         self._find_stress(p)
-        self._sim.halo.update(p, "face", "face_gradient", "face_stress")
+        self._sim.halo.update(p, "face", "face_gradient", "face_stress", "share")
         sums = np.zeros((p.owned, 3 + 2 * p.dimension))
         add_normal_force(
             self.pairs[0], self.pairs[1], p.owned, p.body, p.position, p.velocity, p.face, self.faces.bulge,
@@ -168,7 +170,7 @@ class BodiesContact:
             return
         self.faces.find_gradients(p)
         self._find_stress(p)
-        self._sim.halo.update(p, "face_gradient", "face_stress")
+        self._sim.halo.update(p, "face_gradient", "face_stress", "share")
         resist_pairs(
             self.pairs[0], self.pairs[1], p.owned, p.body, p.position, p.velocity, p.face, self.faces.bulge,
             p.face_gradient, p.face_stress, self.faces.modulus[p.material], p.share, dt, self._sim.spacing,

@@ -15,7 +15,7 @@ WIDTH = 2.0
 _DEEP, _BEHIND = 1.1, 1.6
 """Spacings behind a face at which what pushes a point out begins to fade, and from which on it lies on the far side."""
 _LEVEL = 1.0, 0.6820926132672204  # of the spline in the plane and in space
-_FACING = 0.05  # cosine from which on two faces can meet
+_FACING, _OPPOSED = 0.05, 0.3  # cosines from which on two faces can meet, and do so with all of their energy
 _BLEND = 0.25  # spacings by which the gaps of the two points' faces may differ for both to count
 
 
@@ -121,16 +121,33 @@ def _meet(xi, arm, d):
 
 
 @inlined
-def _face_each_other(face, i, j, d):
-    """Whether any faces of two points do; a ball faces everything."""
-    most = 1.0 if _is_ball(face, i, d) or _is_ball(face, j, d) else 0.0
+def _most_opposed(face, i, j, d):
+    """Cosine between those faces of two points that face each other most, and which these are; 1 for a ball."""
+    most, own, other = 1.0 if _is_ball(face, i, d) or _is_ball(face, j, d) else 0.0, 0, 0
     for s in range((face.shape[1] - 1) // (1 + d)):
         for r in range((face.shape[1] - 1) // (1 + d)):
             cosine = 0.0
             for a in range(d):
                 cosine -= face[i, 2 + s * (1 + d) + a] * face[j, 2 + r * (1 + d) + a]
-            most = max(most, cosine)
-    return most > _FACING
+            if cosine > most:
+                most, own, other = cosine, s, r
+    return most, own, other
+
+
+@inlined
+def opposition(face, i, j, d):
+    """Part of their energy with which the faces of two points meet, by how they face each other.
+
+    Also its slope over the cosine, and the columns in which the normals begin that this is of.
+    """
+    cosine, own, other = _most_opposed(face, i, j, d)
+    n, m = 2 + own * (1 + d), 2 + other * (1 + d)
+    part = (cosine - _FACING) / (_OPPOSED - _FACING)
+    if part >= 1.0:
+        return 1.0, 0.0, n, m
+    if part <= 0.0:
+        return 0.0, 0.0, n, m
+    return part * part * (3.0 - 2.0 * part), 6.0 * part * (1.0 - part) / (_OPPOSED - _FACING), n, m
 
 
 @inlined
@@ -154,7 +171,8 @@ def find_gap(position, face, bulge, i, j, spacing, xi, slope, arm, turn, d):
             arm[a], arm[d + a] = face[i, 1] * slope[a], -face[j, 1] * slope[a]
         _meet(xi, arm, d)
         return distance - face[i, 1] - face[j, 1]
-    if not _face_each_other(face, i, j, d):
+    facing_most, _, _ = _most_opposed(face, i, j, d)
+    if not facing_most > _FACING:
         return np.inf
     own, own_face, own_partner = _separation(xi, face, i, j, 1.0, d)
     other, other_face, other_partner = _separation(xi, face, j, i, -1.0, d)

@@ -8,7 +8,17 @@ and `damping` are arrays by the numbers of the two bodies.
 import numpy as np
 
 from periporo.contact.entry import elastic_force
-from periporo.contact.gaps import depth_rate, facing, find_gap, find_slip, gap_rate, normal_stress, push, weigh
+from periporo.contact.gaps import (
+    depth_rate,
+    facing,
+    find_gap,
+    find_slip,
+    gap_rate,
+    normal_stress,
+    opposition,
+    push,
+    weigh,
+)  # fmt: skip
 from periporo.core.numerics.jit import inlined, kernel
 
 SOON = 0.5
@@ -57,22 +67,25 @@ def add_pair_stiffness(
 
 @inlined
 def _relieve(face, bulge, stress, modulus, share, i, j, owned, slope, area, moment, d):
-    """Give the outer halves of the cells of a pair to the contact, as moments; the energy (J) that these bear."""
+    """Give the outer halves of the cells of a pair to the contact, as moments; the energy (J) that these bear.
+
+    A cell has its point's integrity, and is as much thinner as its point has less volume.
+    """
     softness, strain = 0.0, 0.0
     for side in range(2):
         p, sign = (i, 1.0) if side == 0 else (j, -1.0)
         depth, n = facing(face, p, slope, sign, d)
         if n >= 0:
-            softness += depth / modulus[p]
-            strain += depth / modulus[p] * normal_stress(stress, face, p, n, d)
-    if softness == 0.0:  # two balls
+            softness += share[p, 2] * depth / modulus[p]
+            strain += share[p, 2] * depth / modulus[p] * normal_stress(stress, face, p, n, d)
+    if softness == 0.0:  # two balls, or points in lumps
         return 0.0
     tau = strain / softness
     for side in range(2):
         p, sign = (i, 1.0) if side == 0 else (j, -1.0)
         depth, n = facing(face, p, slope, sign, d)
         if n >= 0 and p < owned:
-            load = share[p, 1] * area * depth * tau
+            load = share[p, 2] * area * depth * tau
             for a in range(d):
                 for c in range(d):
                     through = face[p, n + a] * face[p, n + c] - depth_rate(face, n, bulge, p, a, c)
@@ -136,6 +149,8 @@ def add_normal_force(
             continue
         reach = face[i, 1] + face[j, 1]
         weight, steepness = weigh(xi, gap, reach, spacing, d)
+        opposed, rise, n_i, n_j = opposition(face, i, j, d)
+        weight, steepness, rise = opposed * weight, opposed * steepness, rise * weight
         if weight == 0.0:
             continue
         law = stiffness[body[i], body[j]]
@@ -170,6 +185,8 @@ def add_normal_force(
                     through = share[p, 1] * nearest * depth_rate(face, 2, bulge, p, a, c)
                     contact_moment[p, a * d + c] += deeper * part + through
                     shear_moment[p, a * d + c] -= viscous * part
+        if rise != 0.0:
+            _oppose(face, share, i, j, owned, n_i, n_j, energy * rise, contact_moment, d)
         pressure = max(elastic + viscous, 0.0)
         pressures[b], arms[b] = pressure, arm
         find_slip(velocity, gradient, i, j, slope, arm, slip, d)
@@ -182,6 +199,20 @@ def add_normal_force(
                 for a in range(d):
                     sums[p, 3 + a] += sign * pressure * slip[a]
                     sums[p, 3 + d + a] += sign * pressure * slope[a]
+
+
+@inlined
+def _oppose(face, share, i, j, owned, n_i, n_j, rate, moment, d):
+    """Add what turns faces of a pair whose energy grows by `rate` (J) with the cosine between them."""
+    cosine = 0.0
+    for a in range(d):
+        cosine += face[i, n_i + a] * face[j, n_j + a]
+    for side in range(2):
+        p, n, q, m = (i, n_i, j, n_j) if side == 0 else (j, n_j, i, n_i)
+        for a in range(d if p < owned else 0):
+            for c in range(d):
+                across = face[q, m + c] - cosine * face[p, n + c]
+                moment[p, a * d + c] -= share[p, 1] * rate * face[p, n + a] * across
 
 
 @kernel

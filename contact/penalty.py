@@ -8,7 +8,7 @@ from periporo.core.points.faces import add_face_force, face_velocity
 
 SOON = 1.5
 """Reaches within which a point counts as one that may touch soon."""
-_OFF = 0.2  # reaches off the surface, at which a cell has its first reach again
+_OFF = 0.2  # reaches off the surface, beyond which a cell has the whole reach again, or what there is room for
 _WHOLE = 1.4  # reaches up to which the lever is the distance from the surface; it is 0 at 2
 
 
@@ -82,7 +82,7 @@ def add_contact_force(
         cell[i, 2] = own if gap[k] < SOON * reach else 0.0
         if off >= max(dt * own, 0.0):  # neither now nor at the start of the step
             if off > _OFF * reach:
-                cell[i, 0] = cell[i, 1] = 0.0
+                cell[i, 0] = cell[i, 1] = min(gap[k] - (1.0 + _OFF) * reach, 0.0)
             for a in range(d):
                 spring[i, a] = 0.0
             continue

@@ -8,10 +8,10 @@ stretched, its reach l follows the point's velocity gradient L along the normal 
 
 with d the lever of the face, the distance g of the point from the surface; beyond .7 spacings it falls to 0 at a
 spacing. The overlap h = l - g has the rate of the face's approach, so that the normal force k h has the potential
-k h^2 / 2 and a closed path gains no energy. A cell that is off the surface by more than a tenth of a spacing has its
-first reach again. Soil that flows changes its neighbours and not its spacing: where a scheme rearranges its points,
-`guide` moves point and cell together, without a change of force. A step that begins or ends off the surface does the
-work of the potential all the same (`periporo.contact.entry`).
+k h^2 / 2 and a closed path gains no energy. A cell that is off the surface by more than a tenth of a spacing reaches
+half a spacing again, or as far as there is room. Soil that flows changes its neighbours and not its spacing: where a
+scheme rearranges its points, `guide` moves point and cell together, without a change of force. A step that begins or
+ends off the surface does the work of the potential all the same (`periporo.contact.entry`).
 
 The tangential force is a spring on the face from where it began to stick; where it would exceed friction times the
 normal force, the spring is cut to that and the face slides (Cundall & Strack 1979). The channel `contact` holds the

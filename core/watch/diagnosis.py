@@ -34,6 +34,12 @@ _KINDS = {  # kind -> what was seen, and the likely cause
         "the strain of a step is more than the law can follow: lower time_step.safety, or look for what pushes so hard "
         "in the file",
     ),
+    "gain": (
+        "has got most of the {size:.3g} of the work done that the channel '{reason}' gave and had never taken",
+        "bodies or obstacles that push what they had not been pressed by: look where they meet, and whether points lie "
+        "inside of both; or the time step is too long (lower time_step.safety); raise monitor.energy_tolerance if such "
+        "a gain is acceptable",
+    ),
     "energy": (
         "has the largest part in an energy error of {size:.3g} of the work done",
         "the time step is too long (lower time_step.safety, or leave out time_step.fixed); raise "

@@ -1,10 +1,10 @@
 """Watches a run: a state that cannot be right is taken back and tried again with half the step, or reported.
 
 Every few steps all ranks look for NaN, for points faster than the waves of their material, for bonds whose strain jumps
-within a step, and for energy that comes from nowhere; a step that a law refuses is known in the next one. Every few
-hundred steps the state is kept in memory. After a failure the run goes on from there with half the time step, and looks
-at every step, until the next state is kept; if it fails again the step is halved again, at most `MOST_RETRIES` times.
-All of this depends on the state alone, hence not on the number of ranks.
+within a step, and for energy that comes from nowhere, or from what can only store or lose it; a step that a law refuses
+is known in the next one. Every few hundred steps the state is kept in memory. After a failure the run goes on from
+there with half the time step, and looks at every step, until the next state is kept; if it fails again the step is
+halved again, at most `MOST_RETRIES` times. All of this depends on the state alone, hence not on the number of ranks.
 """
 
 from dataclasses import replace
@@ -14,8 +14,8 @@ from mpi4py import MPI
 
 from periporo.core.numerics.jit import kernel
 from periporo.core.numerics.tensors import square_lengths
-from periporo.core.points.forces import INTEGRATION
-from periporo.core.ranks.reductions import maximum
+from periporo.core.points.forces import INTEGRATION, WORK
+from periporo.core.ranks.reductions import exact_sum, maximum
 from periporo.core.watch.diagnosis import Fault, find_fault, report
 from periporo.core.watch.interrupt import CHECK_INTERVAL
 from periporo.core.watch.state import capture, install
@@ -32,6 +32,10 @@ _TURNED_OVER = (
     "kinetic_energy", "internal_energy", "external_work", "contact_energy", "friction_dissipation",
     "damping_dissipation", "prescribed_work",
 )  # fmt: skip
+
+
+_GIVERS = {"contact_energy": "contact", "friction_dissipation": "friction", "damping_dissipation": "damping"}
+_NOISE = 1e-16  # energy that contacts of bodies at rest may seem to give, over that of the bodies at their wave speeds
 
 
 class WatchdogError(RuntimeError):
@@ -58,6 +62,7 @@ class Watchdog:
         self._kept = None
         self._stage = None
         self._fastest = np.empty(0)  # wave speed of each material, m/s
+        self._noise = 0.0  # J
 
     def start_stage(self, sim, stage) -> None:
         """Keep the state in which a stage begins or goes on."""
@@ -86,7 +91,7 @@ class Watchdog:
 
     def _relent(self, sim):
         """Back to the step before the failure; not after an energy error, which would only come back."""
-        if self._last_kind != "energy":
+        if self._last_kind not in ("energy", "gain"):
             self._scale_time_step(sim, 2.0**self._failures)
         self._failures = 0
         part = "the full" if sim.time_step.reduction == 1.0 else f"{sim.time_step.reduction:g} of the"
@@ -95,6 +100,8 @@ class Watchdog:
     def _keep(self, sim):
         _forget_peaks(sim)
         self._fastest = wave_speeds(sim)
+        speed = np.where(np.isfinite(self._fastest), self._fastest, 0.0)[sim.particles.material[: sim.particles.owned]]
+        self._noise = _NOISE * float(exact_sum(sim.comm, sim.particles.mass * speed**2)[0])
         self._kept = capture(sim)
 
     def _take_back(self, sim, fault: Fault):
@@ -129,24 +136,42 @@ class Watchdog:
         stage = self._stage
         if sim.rate_independent or sim.step_number < stage.first_step + _WARM_UP:
             return None
-        if self._energy_error(sim.ledger.rough_entries()) <= 0.5 * self.energy_tolerance:
+        rough = sim.ledger.rough_entries()
+        if max(self._energy_error(rough), self._gain(rough)[0]) <= 0.5 * self.energy_tolerance:
             return None
-        error = self._energy_error(sim.ledger.entries())  # the same for any number of ranks
-        if error <= self.energy_tolerance:
-            return None
-        share = np.abs(sim.particles.work[:, INTEGRATION])
-        return self._describe(sim, "energy", share / maximum(sim.comm, float(share.max(initial=0.0))), error)
+        entries = sim.ledger.entries()  # the same for any number of ranks
+        error = self._energy_error(entries)
+        if not error <= self.energy_tolerance:
+            return self._blame(sim, "energy", np.abs(sim.particles.work[:, INTEGRATION]), error)
+        gain, channel = self._gain(entries)
+        if gain > self.energy_tolerance:
+            given = np.maximum(sim.particles.work[:, WORK.index(channel)], 0.0)
+            return replace(self._blame(sim, "gain", given, gain), reason=channel)
+        return None
+
+    def _blame(self, sim, kind, share, size):
+        return self._describe(sim, kind, share / maximum(sim.comm, float(share.max(initial=0.0))), size)
 
     def _energy_error(self, entries):
         """Energy that nothing explains over the energy that was turned over, since the stage began; NaN stays."""
-        turned_over = sum(abs(entries[name]) for name in _TURNED_OVER)
         error = abs(entries["energy_residual"] - self._stage.initial_residual)
         if error == 0.0:
             return 0.0
+        turned_over = _turned_over(entries)
         return error / turned_over if turned_over != 0.0 else np.inf
+
+    def _gain(self, entries):
+        """Energy that a channel gave and had not taken, over the energy that was turned over; and the channel."""
+        name = min(_GIVERS, key=entries.__getitem__)
+        given = -entries[name]
+        return (given / _turned_over(entries) if given > self._noise else 0.0), _GIVERS[name]
 
     def _describe(self, sim, kind, excess, size=None):
         return find_fault(sim, kind, excess, self.materials, self._kept, size)
+
+
+def _turned_over(entries):
+    return sum(abs(entries[name]) for name in _TURNED_OVER)
 
 
 def _forget_peaks(sim):

@@ -370,6 +370,59 @@ def test_a_contact_that_appears_presses_from_there_on_or_is_refused():
     contact.appear(p, 0.0, [contact])  # it was there before
 
 
+def test_cells_that_are_squeezed_or_come_loose_give_what_they_bear():
+    """What they take from the stress, and the force that leads to where they bear less, are slopes of one energy."""
+    sim = started(scene_of([box([0, 0], [0.2, 0.1]), box([0.053, 0.1], [0.153, 0.2])]))
+    p, contact = sim.particles, contact_of(sim)
+    upper = p.body == 1
+    p.share[:, 2] = np.where(upper, 0.3, 5.0 * p.position[:, 0])  # integrity times volume over what it was
+    p.position[upper, 1] -= 0.05 * H
+    aside, along = SOFT["bulk_modulus"] + np.array([-2.0, 4.0]) / 3.0 * SOFT["shear_modulus"]
+
+    def loads(shift, strain):
+        """Force on the upper body along the face, and what takes part of the strain across it."""
+        contact._find_stress = lambda p: np.copyto(p.face_stress, strain * np.array([aside, along, aside, 0.0]))
+        p.position[upper, 0] += shift
+        sim.forces.clear()
+        contact.add_force(p, 0.0, 0.0)
+        p.position[upper, 0] -= shift
+        return p.contact_force[upper, 0].sum(), p.internal_moment[:, 3].sum()
+
+    strain, shift = -0.01, 1e-3 * H
+    force = loads(0.0, strain)[0] - loads(0.0, 0.0)[0]
+    moment = loads(shift, strain)[1] - loads(-shift, strain)[1]
+    assert abs(moment) > 1e-6 * abs(loads(0.0, strain)[1])
+    assert 2.0 * force / strain == pytest.approx(moment / (2.0 * shift), rel=1e-3)
+    whole = loads(0.0, strain)[1]
+    p.share[:, 2] *= 0.5
+    assert loads(0.0, strain)[1] == pytest.approx(0.5 * whole)
+
+
+@pytest.mark.parametrize("degrees", [75.0, 81.0, 85.0])
+def test_faces_that_turn_towards_each_other_do_the_work_of_their_energy(degrees):
+    """The force along them grows with their angle as their moment does with the way along: no pair comes at once."""
+    sim = started(scene_of([box([0, 0], [0.2, 0.1]), box([0.053, 0.1], [0.153, 0.2])]))
+    p, contact = sim.particles, contact_of(sim)
+    upper = p.body == 1
+    p.position[upper, 1] -= 0.05 * H
+    kept = p.position.copy()
+
+    def loads(shift, turned):
+        angle = np.radians(degrees) + turned
+        p.position[upper, 0] = kept[upper, 0] + shift
+        p.face[upper, 2:] = 0.0
+        p.face[upper, 2:4] = [np.sin(angle), -np.cos(angle)]
+        sim.forces.clear()
+        contact.add_force(p, 0.0, 0.0)
+        return p.contact_force[upper, 0].sum(), (p.contact_moment[upper, 2] - p.contact_moment[upper, 1]).sum()
+
+    shift, turned = 1e-4 * H, 1e-4
+    force = (loads(0.0, turned)[0] - loads(0.0, -turned)[0]) / turned
+    moment = (loads(shift, 0.0)[1] - loads(-shift, 0.0)[1]) / shift
+    assert abs(force) > 1e-3 * SOFT["bulk_modulus"] * H**2
+    assert force == pytest.approx(moment, rel=1e-3)
+
+
 def test_torn_bodies_get_new_faces():
     """What was inside comes to light where a body has lost its upper half."""
     sim = started(scene_of([box([0, 0], [0.2, 0.2]), box([0, 0.3], [0.2, 0.4])]))

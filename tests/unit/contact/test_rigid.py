@@ -112,6 +112,18 @@ def test_a_point_that_leaves_has_a_new_cell():
     assert not rig.p.contact_cell_0.any()
 
 
+def test_a_cell_that_began_squeezed_gets_its_reach_back_without_a_push():
+    """It was a fifth of its reach off the surface when the obstacle appeared, and is soon farther: there is no room."""
+    contact = coulomb()
+    rig = Rig(contact, [0.0, 0.1 * H])
+    contact.appear(rig.p, 0.0, [])
+    for gap in np.linspace(0.1, 0.9, 200) * H:
+        rig.p.position[0, 1] = gap
+        rig.evaluate(0.0)
+        assert not rig.p.contact_force.any()
+        assert rig.p.contact_cell_0[0, 0] == pytest.approx(min(max(gap - 0.6 * H, -0.4 * H), 0.0))
+
+
 def test_points_that_are_guided_keep_their_force():
     contact = coulomb()
     rig = Rig(contact, [[0.0, 0.4 * H], [1.0, 0.45 * H], [2.0, 0.49 * H], [3.0, 0.7 * H]])

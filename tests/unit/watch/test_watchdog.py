@@ -9,6 +9,7 @@ from periporo.core.bonds.bonds import RefusedStep
 from periporo.core.loads.boundary import Gravity
 from periporo.core.motion.rebuilds import rebuild
 from periporo.core.motion.stages import DynamicsStage
+from periporo.core.points.forces import WORK
 from periporo.core.points.material import StepRefused, UpdatesFailed
 from periporo.core.watch.watchdog import (
     MOST_RETRIES,
@@ -94,6 +95,13 @@ def energy_from_nowhere(sim):
     sim.particles.velocity[: sim.particles.owned] *= 1.2
 
 
+def contact_gives(sim):
+    """As much as the motion has, and the ledger knows it."""
+    energy = 0.5 * sim.particles.mass * (sim.particles.velocity[: sim.particles.owned] ** 2).sum(axis=1)
+    sim.particles.velocity[: sim.particles.owned] *= np.sqrt(2.0)
+    sim.particles.work[:, WORK.index("contact")] += energy
+
+
 AROUND_9 = range(24)  # four columns of six
 
 FAULTS = {  # kind -> spoil, text of the message
@@ -102,6 +110,7 @@ FAULTS = {  # kind -> spoil, text of the message
     "speed": (too_fast, "times the wave speed"),
     "strain": (strain_jump, "within one step"),
     "energy": (energy_from_nowhere, "energy error of"),
+    "gain": (contact_gives, "the channel 'contact' gave and had never taken"),
 }
 
 
@@ -147,7 +156,7 @@ def test_a_passing_fault_is_taken_back_and_the_run_goes_on(flight, tmp_path, kin
     assert kind != "strain" or any(f"point {i} at" in messages[0] for i in AROUND_9)
     assert "back to step 0 with 0.5" in messages[0]
     # half the step up to step 500; after an energy error to the end, since it would only come back
-    lasting = kind == "energy"
+    lasting = kind in ("energy", "gain")
     assert flight.time_step.reduction == (0.5 if lasting else 1.0) and "sound again" in messages[1]
     assert flight.step_number == (600 if lasting else 550) and flight.time == pytest.approx(300 * 2e-5, rel=1e-9)
     assert np.isfinite(flight.particles.position).all()
