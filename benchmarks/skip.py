@@ -47,6 +47,7 @@ FEATURES = {  # name -> (change of the input, the part of the step where it is a
     "viscous soil": ({"materials": {"soil": SOIL | {"viscosity": 1e9}}}, "material"),
     "dissipation in the ledger": ({"materials": {"soil": SOIL | {"report_dissipation": True}}}, "point processes"),
     "viscous damping": ({"stages": [{"damping": {"viscous": 1.0}}]}, "loads"),
+    "inertia between neighbours": ({"time_step": {"added_inertia": 2}}, "added inertia"),
     "points that may sleep, and do not": ({"sleep": {"speed": 1e-9}}, "rebuild"),
 }
 
@@ -79,12 +80,13 @@ def square(side: int, change: dict) -> dict:
     """The input of the square, with a feature."""
     stage = {"name": "motion", "type": "dynamics", "duration": STEPS * STEP / side}
     scene = {
-        "dimension": 2, "spacing": 1.0 / side, "materials": {"soil": SOIL}, "time_step": {"fixed": STEP / side},
+        "dimension": 2, "spacing": 1.0 / side, "materials": {"soil": SOIL},
         "bodies": [{"name": "square", "material": "soil",
                     "shape": {"type": "box", "lower": [0.0, 0.0], "upper": [1.0, 1.0]}}],
         "initial_stress": {"type": "uniform", "components": {"xx": -500.0, "yy": -800.0, "zz": -500.0}},
         "stages": [stage],
     } | change  # fmt: skip
+    scene["time_step"] = {"fixed": STEP / side} | change.get("time_step", {})
     scene["stages"] = [stage | scene["stages"][0]]
     return scene
 

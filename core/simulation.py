@@ -8,6 +8,7 @@ from mpi4py import MPI
 
 from periporo.core.bonds.bonds import Bonds, RefusedStep
 from periporo.core.loads.boundary import ViscousDamping
+from periporo.core.motion.added_inertia import AddedInertia
 from periporo.core.motion.energy import Ledger
 from periporo.core.motion.integrator import drift, second_kick
 from periporo.core.motion.pace import kick_within
@@ -91,6 +92,7 @@ class Simulation:
         self.guards: list = []  # what may write a checkpoint, stop the run, or take it back: `periporo.core.watch`
         self.departures: Departures | None = None  # points that leave the scene
         self.sleep: Sleep | None = None  # of points at rest
+        self.added_inertia: AddedInertia | None = None  # of neighbours that accelerate against each other
         self.origin = np.zeros(particles.dimension)  # that positions are counted from, m
         self.reaches: list[Callable[[dict[str, np.ndarray]], float]] = []  # m, farther than bonds; of the owned fields
         self.farthest = 0.0  # m, within which points act on each other until the next rebuild
@@ -206,6 +208,9 @@ class Simulation:
         for damping in dampings:  # which need all other forces
             damping.add_force(p, end, dt)
         timing.lap("loads")
+        if self.added_inertia is not None:
+            self.added_inertia.add_force(self)
+            timing.lap("added inertia")
 
     def step(self) -> None:
         """Advance from t to t + dt: velocity Verlet, updated Lagrangian."""

@@ -97,6 +97,7 @@ class Ledger:
             "prescribed_work": work["prescribed"],
             "integration_term": work["integration"],
             "energy_residual": gained - sum(w for name, w in work.items() if name != "integration"),
+            **({"inertia_energy": -work["inertia"]} if "inertia_force" in self._particles.fields else {}),
             **gone,
         }
 

@@ -91,9 +91,12 @@ class Relaxation:
         return False
 
     def _measure(self, sim) -> np.ndarray:
-        """Measure the residual; the out-of-balance force (owned, d) N."""
+        """Measure the residual; the force (owned, d) N that accelerates points."""
         p, n = sim.particles, sim.particles.owned
         total = sim.forces.total()
+        pull = self._free(sim, total)  # with what added inertia takes of it
+        if "inertia" in sim.forces.names:
+            total -= p.inertia_force[:n]
         force = self._free(sim, total)
         reaction = total - force
         if "contact" in sim.forces.names:
@@ -108,7 +111,7 @@ class Relaxation:
                 "between boundaries before it relaxes"
             )
         self.residual = math.sqrt(square / scale)
-        return force
+        return pull
 
     def _scale_without_load(self, square: float) -> float:
         """What takes the place of the square of the load where there is none, for the `square` out of balance, N^2."""

@@ -164,7 +164,7 @@ def _allows(sim) -> bool:
 
 def _loads(sim) -> np.ndarray:
     """What loads and contacts exert on the owned points, (owned, d) N."""
-    p, names = sim.particles, [name for name in sim.forces.names if name not in ("internal", "damping")]
+    p, names = sim.particles, [name for name in sim.forces.names if name not in ("internal", "damping", "inertia")]
     return sum((getattr(p, f"{name}_force")[: p.owned] for name in names), np.zeros((p.owned, p.dimension)))
 
 

@@ -161,22 +161,33 @@ def highest_frequency(sim, limit: float = 0.0) -> float:
     with held(sim):
         root_mass = np.sqrt(p.mass[:n])[:, None]
         vector = uniform(p.id[:n], p.dimension, seed=1) - 0.5
+        partner = _partner(sim, vector, root_mass)
         previous, beta = np.zeros_like(vector), 0.0
         diagonal: list[float] = []
         beside: list[float] = []
         value = 0.0
-        vector /= np.sqrt(inner(sim.comm, vector, vector))
+        norm = np.sqrt(inner(sim.comm, vector, partner))
+        vector, partner = vector / norm, partner / norm
         for _ in range(_MOST_ITERATIONS):
-            image = apply_stiffness(sim, vector / root_mass, limit) / root_mass
-            diagonal.append(inner(sim.comm, vector, image))
+            image = apply_stiffness(sim, partner / root_mass, limit) / root_mass
+            diagonal.append(inner(sim.comm, partner, image))
             before, value = value, _largest_eigenvalue(diagonal, beside)
             image -= diagonal[-1] * vector + beta * previous
-            previous, beta = vector, np.sqrt(inner(sim.comm, image, image))
+            partner = _partner(sim, image, root_mass)
+            previous, beta = vector, np.sqrt(inner(sim.comm, image, partner))
             if value - before <= 2.0 * _CONVERGED * value or not beta > 1e-6 * abs(diagonal[0]):
                 break
-            vector = image / beta
+            vector, partner = image / beta, partner / beta
             beside.append(beta)
     return math.sqrt(max(value, 0.0))
+
+
+def _partner(sim, vector, root_mass):
+    """The motion (awake, d) that a force `vector` calls forth, both scaled by `root_mass`: itself, if none is added.
+
+    Lanczos iteration is in the product of the two, in which the elastic operator is symmetric with added inertia, too.
+    """
+    return vector if sim.added_inertia is None else sim.added_inertia.answer(sim, vector / root_mass) * root_mass
 
 
 @contextmanager

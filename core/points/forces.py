@@ -8,7 +8,7 @@ from periporo.core.numerics import vectors
 from periporo.core.numerics.jit import kernel
 from periporo.core.points.particles import Field, Particles
 
-WORK = ("internal", "external", "contact", "friction", "damping", "prescribed", "integration")
+WORK = ("internal", "external", "contact", "friction", "damping", "prescribed", "inertia", "integration")
 """Columns of the point field `work` (J): force channels, constraints, and the time integrator's own term."""
 FLOW_WORK = ("viscous_dissipation", "exchange_dissipation", "rearrangement_work")
 """Columns of the point field `flow_work` (J) of schemes that keep flowing points regular."""

@@ -18,6 +18,7 @@ from periporo.core.loads.absorbing import Absorbing
 from periporo.core.loads.boundary import Gravity, PrescribedMotion, Traction, ViscousDamping, without_overlaps
 from periporo.core.loads.reactions import BoundaryReactions
 from periporo.core.loads.tied import Tied
+from periporo.core.motion.added_inertia import AddedInertia
 from periporo.core.motion.dissipation import PlasticDissipation, reports
 from periporo.core.motion.nonlocal_strain import NonlocalStrain, averaged
 from periporo.core.motion.quasi_static import QuasiStaticStage
@@ -132,6 +133,9 @@ def _attach_processes(scene, sim, water):
     if scene.sleep is not None:
         sim.sleep = Sleep(scene.sleep.speed, scene.sleep.steps)
         sim.sleep.attach(sim.particles)
+    if scene.time_step.added_inertia:
+        sim.added_inertia = AddedInertia(scene.time_step.added_inertia)
+        sim.added_inertia.attach(sim.particles, sim.forces)
     processes = [fields.StrainMeasures()]
     if any(reports(m) for m in sim.materials):
         processes.append(PlasticDissipation())

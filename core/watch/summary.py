@@ -5,7 +5,7 @@ import time
 
 import yaml
 
-from periporo.core.motion import sleep
+from periporo.core.motion import added_inertia, sleep
 from periporo.core.motion.energy import OBSTACLES
 from periporo.core.points import departures
 from periporo.core.ranks.reductions import quantile
@@ -16,7 +16,7 @@ from periporo.core.watch.watchdog import Watchdog
 
 def history_units() -> dict[str, str]:
     """Histories of the scene as a whole, with units."""
-    return HistoryObserver.UNITS | departures.UNITS | OBSTACLES | sleep.UNITS
+    return HistoryObserver.UNITS | departures.UNITS | OBSTACLES | sleep.UNITS | added_inertia.UNITS
 
 
 def figures_of(sim, history: HistoryObserver, watchdog: Watchdog, began: float) -> dict:

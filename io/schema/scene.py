@@ -116,6 +116,9 @@ class TimeStep(SceneModel):
         "a constant step in place of the bound's share", "s", default=None, ge=1e-15, le=1e3
     )
     update: Integer = key("steps between updates of the bound", "steps", default=20, ge=1, le=10_000)
+    added_inertia: Integer = key(
+        "rounds that make relative accelerations of neighbours smaller, for longer steps", "1", default=0, ge=0, le=8
+    )
 
 
 class SleepInput(SceneModel):

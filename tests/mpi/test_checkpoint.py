@@ -104,7 +104,8 @@ def dozing():
         "bodies": [part("slab", -0.5, 0.0, [0.0, 0.0]), part("end", 0.0, 0.05, [-0.5, 0.2])],
         "contacts": [{"type": "plane", "point": [0, 0], "normal": [0, 1], "friction": 0.4, "damping": 0.1}],
         "stages": [{"name": "hit", "type": "dynamics", "duration": 0.06}],
-        "sleep": {"speed": 0.02, "steps": 10}, "output": {"interval": 0.02, "history_interval": 1},
+        "sleep": {"speed": 0.02, "steps": 10}, "time_step": {"added_inertia": 1},
+        "output": {"interval": 0.02, "history_interval": 1},
     }  # fmt: skip
 
 

@@ -62,7 +62,7 @@ def two_soils():
                     "layers": [{"above": 0.06, "material": "clay"}],
                     "shape": {"type": "box", "lower": [0.0, 0.0], "upper": [0.12, 0.1]}}],
         "contacts": [{"type": "plane", "point": [0, 0], "normal": [0.1, 1], "friction": 0.5}],
-        "stages": [{"name": "slide", "type": "dynamics", "duration": 0.06}],
+        "stages": [{"name": "slide", "type": "dynamics", "duration": 0.06}], "time_step": {"added_inertia": 2},
         "output": {"interval": 0.015},
     }  # fmt: skip
 
