@@ -18,7 +18,7 @@ import numpy as np
 
 from periporo.core.numerics import vectors
 from periporo.core.numerics.jit import kernel
-from periporo.core.points.particles import Field
+from periporo.core.points.particles import Field, vector
 
 PART = 0.45  # below a half, so that the inertia of every motion stays finite
 
@@ -37,8 +37,9 @@ class AddedInertia:
 
     def attach(self, particles, forces) -> None:
         """Declare channel and fields."""
+        d = particles.dimension
         forces.need("inertia")
-        particles.add_field(Field("acceleration", particles.dimension, "m/s^2", migrates=False))
+        particles.add_field(Field("acceleration", d, "m/s^2", migrates=False, axes=vector(d)))
         particles.add_field(Field("coupling", None, "1/m^3", migrates=False))
 
     def add_force(self, sim) -> None:

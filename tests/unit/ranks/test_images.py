@@ -43,7 +43,7 @@ def finished(sim):
 @pytest.mark.parametrize("scheme", [DEFAULT, "bond_projected", "standard"])
 def test_a_quarter_moves_as_the_whole_does(started, scheme):
     push = {"type": "uniform", "components": {"xx": -2e4, "yy": -1e4, "zz": -1e4}}
-    keys = {"initial_stress": push, "correspondence": scheme}
+    keys = {"initial_stress": push, "correspondence": scheme, "time_step": {"fixed": 2e-4, "added_inertia": 1}}
     whole, place = finished(started(block([-0.5, -0.5], [0.5, 0.5], **keys)))
     quarter, quarters = finished(started(block([-0.5, 0], [0, 0.5], **keys, symmetry={"lower": [None, 0],
                                                                                      "upper": [0, None]})))  # fmt: skip
