@@ -18,6 +18,7 @@ from periporo.materials.cam_clay import CamClay
 from periporo.materials.drucker_prager import DruckerPrager
 from periporo.materials.elastic import Elastic
 from periporo.materials.granular_mu_i import GranularMuI
+from periporo.materials.herschel_bulkley import HerschelBulkley
 from periporo.materials.hypoplastic_sand import HypoplasticSand
 from periporo.materials.mohr_coulomb import MohrCoulomb
 from periporo.materials.norsand import NorSand
@@ -95,6 +96,7 @@ def main(words=None):
         "mohr_coulomb, soft": softening(),
         "granular_mu_i": GranularMuI.example(),
         "hypoplastic_sand": HypoplasticSand.example(),
+        "herschel_bulkley": HerschelBulkley.example(),
         "norsand": NorSand.example(),
         "cam_clay, eta = 0": clay.model_copy(update={"viscosity": 0.0}),
         "cam_clay, eta = 1e3": clay,

@@ -52,7 +52,7 @@ def test_variants_of_the_soils_conform(name, dimension):
 
 def test_all_built_in_laws_are_covered():
     laws = {"arena", "elastic", "cam_clay", "drucker_prager", "granular_mu_i", "hypoplastic_sand", "mohr_coulomb"}
-    assert laws | {"norsand"} <= set(LAWS)
+    assert laws | {"herschel_bulkley", "norsand"} <= set(LAWS)
 
 
 def test_elastic_cycle_returns_its_work():

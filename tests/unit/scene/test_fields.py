@@ -17,6 +17,7 @@ from periporo.materials.cam_clay import CamClay
 from periporo.materials.drucker_prager import DruckerPrager
 from periporo.materials.elastic import Elastic
 from periporo.materials.granular_mu_i import GranularMuI
+from periporo.materials.herschel_bulkley import HerschelBulkley
 from periporo.materials.hypoplastic_sand import HypoplasticSand
 from periporo.materials.mohr_coulomb import MohrCoulomb
 from periporo.materials.norsand import NorSand
@@ -108,6 +109,7 @@ LAWS = [
      {"poisson_ratio": (0.1, 0.4), "swelling_index": (0.02, 0.06)}),
     (HypoplasticSand.example(), {"initial_void_ratio": (0.6, 0.9), "hardness": (5e8, 2e9)}),
     (GranularMuI.example(), {"static_friction": (0.3, 0.4), "grain_diameter": (1e-4, 1e-3)}),
+    (HerschelBulkley.example(), {"yield_stress": (50.0, 300.0), "exponent": (0.4, 1.2)}),
     (NorSand.example(), {"initial_state_parameter": (-0.2, 0.1), "critical_state_slope": (1.1, 1.4)}),
     (MohrCoulomb.example(), {"cohesion": (1e2, 1e4), "friction_angle": (20.0, 40.0)}),
     (MohrCoulomb.example().model_copy(update={"sensitivity": 5.0, "remoulding_shear": 0.1}),
