@@ -1,5 +1,6 @@
 """Bonds: the rows on which materials live, with the state they carry through neighbour rebuilds."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,7 +52,8 @@ class Bonds:
         self.incidence_start = np.zeros(1, np.int64)
         self.incidence = np.empty(0, np.int32)
         self.initial_stress_is_total = False  # of wet soil: the laws' is that without the water's
-        self.initial_stress = None  # function of positions (n, d): stress (n, 4|6) of rows without a past
+        # function of positions (n, d): stress (n, 4|6) of rows without a past
+        self.initial_stress: Callable[[np.ndarray], np.ndarray] | None = None
         for block in self.blocks:
             particles.add_field(Field(block.average, len(block.axes), "", migrates=False, axes=block.axes))
         for field in layout.fields(particles.dimension, particles.components):

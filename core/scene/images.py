@@ -11,7 +11,7 @@ def build_images(scene, particles: Particles) -> Images | None:
     for axis in range(scene.dimension):
         places = scene.symmetry.along(axis) if scene.symmetry else (None, None)
         mirrors |= {(axis, side): place for side, place in zip((1, -1), places, strict=True) if place is not None}
-        ends = scene.periodic.along(axis) if scene.periodic else (None, None)
-        if None not in ends:
-            periods[axis] = ends
+        lower, upper = scene.periodic.along(axis) if scene.periodic else (None, None)
+        if lower is not None and upper is not None:
+            periods[axis] = lower, upper
     return Images(particles, mirrors, periods) if mirrors or periods else None
