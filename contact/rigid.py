@@ -24,9 +24,8 @@ import numpy as np
 from periporo.contact.motion import Motion, Pose, velocity_between
 from periporo.contact.penalty import SOON, add_contact_force, guide_points, resist_faces
 from periporo.contact.reaction import Feelers, Reaction
-from periporo.contact.search import Search
+from periporo.contact.search import Search, largest_length
 from periporo.contact.surfaces import Surface
-from periporo.core.numerics.jit import kernel
 from periporo.core.points.forces import CONTACT, FRICTION, ForceChannels
 from periporo.core.points.particles import Field, Particles
 
@@ -70,6 +69,7 @@ class RigidContact:
         self.pose: Pose | None = None  # at that time; None if it stands
         self.pose_before: Pose | None = None  # at the start of that step
         self._chosen: tuple = None, None, 0.0, None  # point ids, pose, m around it with all points, rows near it
+        self._idle: np.ndarray | None = None  # point ids for which nothing is near it, and nothing is told
         self._seen: tuple = (None,) * 5  # rows, pose, places, gaps and normals of the last forces
         self.breach: tuple[float, np.ndarray] | None = None  # how far behind the surface a point is, m, and where
 
@@ -79,8 +79,8 @@ class RigidContact:
         Of a cell, its first reach and the present one are kept, both beyond half a spacing (m), and how fast its point
         would leave the surface by the push of the last step alone (m/s).
         """
-        p.add_field(Field(self.spring, p.dimension, "m", sent=False))
-        p.add_field(Field(self.cell, 3, "", sent=False))
+        p.add_field(Field(self.spring, p.dimension, "m", sent=False, sparse=True))
+        p.add_field(Field(self.cell, 3, "", sent=False, sparse=True))
         forces.need("contact", on_faces=True)
         forces.need("friction", on_faces=True)
 
@@ -88,7 +88,7 @@ class RigidContact:
         """Have cells that miss the surface by at most `slack` (owned,) m, or overlap so far, reach just to it."""
         gap, _ = self.surface.gap(p.position[: p.owned])
         missed = gap - self.reach
-        getattr(p, self.cell)[:, :2] = np.where(np.abs(missed) <= slack, missed, 0.0)[:, None]
+        self._reach_to(p, np.arange(p.owned), np.where(np.abs(missed) <= slack, missed, 0.0))
 
     def appear(self, p: Particles, time: float, before: list | None) -> None:
         """Begin to act, where its entry says, after the contacts `before`, which end; None at the start of a run.
@@ -117,8 +117,13 @@ class RigidContact:
     def _press_from_here(self, p, rows, borne):
         """Have cells that overlap by more than `borne` m reach just so far; a point behind the surface is a breach."""
         gap, _ = self._gap(p.position[rows], self.pose)
-        getattr(p, self.cell)[rows, :2] = np.minimum(gap - self.reach + borne, 0.0)[:, None]
+        self._reach_to(p, rows, np.minimum(gap - self.reach + borne, 0.0))
         self._note_breach(p.position[rows], gap + borne, 0.0)
+
+    def _reach_to(self, p, rows, beyond):
+        """Set the reaches of cells to `beyond` (rows,) m beyond half a spacing."""
+        if beyond.any() or getattr(p, self.cell).any():
+            p.own(self.cell)[rows, :2] = beyond[:, None]
 
     def follow(self, p: Particles, modulus: float) -> None:
         """Be as stiff as soil with that P-wave `modulus` (Pa), if it has grown much: by the same forces, with less way.
@@ -129,7 +134,7 @@ class RigidContact:
             return
         softer = self.modulus / modulus
         pressed = np.maximum(self.overlaps(p), 0.0)
-        cell, spring = getattr(p, self.cell), getattr(p, self.spring)
+        cell, spring = p.own(self.cell), p.own(self.spring)
         stored = 0.5 * self.stiffness * _ring(p, np.arange(p.owned)) * pressed**2
         p.work[:, CONTACT] += (1.0 - softer) * stored
         p.work[:, FRICTION] -= (1.0 - softer) * stored
@@ -149,6 +154,8 @@ class RigidContact:
 
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Add normal and friction force; velocities are those of the middle of the step."""
+        if self._idle is p.id:
+            return
         self._advance(time, dt)
         before = self.pose_before
         rows = self._near(p, self.pose)
@@ -163,8 +170,8 @@ class RigidContact:
                 obstacle = velocity_between(before, self.pose, dt, x)
             add_contact_force(
                 rows, gap, np.ascontiguousarray(normal), p.velocity, p.gradient, p.share, obstacle, p.mass, dt,
-                self.reach, self.stiffness, p.widths(), self.friction, self.damping, getattr(p, self.spring),
-                getattr(p, self.cell), p.contact_force, p.contact_moment, p.friction_force, p.friction_moment, p.dim,
+                self.reach, self.stiffness, p.widths(), self.friction, self.damping, p.own(self.spring),
+                p.own(self.cell), p.contact_force, p.contact_moment, p.friction_force, p.friction_moment, p.dim,
             )  # fmt: skip
         if self.reaction is not None:
             self.reaction.take(p, rows, before, self.pose, dt)
@@ -196,25 +203,31 @@ class RigidContact:
 
     def add_stiffness(self, p: Particles, time: float, ahead: float, stiffness: np.ndarray) -> None:
         """Add the contact's stiffness (N/m) to `stiffness` (owned,) of the points that it holds, or may `ahead` (s)."""
-        rows, _, _ = self._held(p, time, ahead)
+        rows, _, _ = self._held(p, time, ahead, stiffness)
         stiffness[rows] += self.stiffness * _ring(p, rows)
 
     def resist(
         self, p: Particles, time: float, ahead: float, dt: float, force: np.ndarray, moment: np.ndarray
     ) -> None:
         """Add what holds those points, at most, against a motion with `velocity` for `dt`: forces on their faces."""
-        rows, gap, normal = self._held(p, time, ahead)
+        rows, gap, normal = self._held(p, time, ahead, force)
         resist_faces(
             rows, gap, normal, p.velocity, p.gradient, p.share, self.reach, dt * self.stiffness, p.widths(),
             self.friction > 0.0, force, moment, p.dim,
         )  # fmt: skip
 
-    def _held(self, p, time, ahead):
-        """Rows of the points that it holds, or may within the time `ahead` (s), with gaps and normals."""
+    def _held(self, p, time, ahead, filled=None):
+        """Rows of the points that it holds, or may within the time `ahead` (s), with gaps and normals.
+
+        All obstacles that add to the same array `filled` see the same velocities.
+        """
         pose, x, velocity = self._pose_at(time), p.position[: p.owned], p.velocity[: p.owned]
         if pose is not None and self.motion is not None:
             velocity = velocity - velocity_between(pose, self.motion.pose(time + ahead), ahead, x)
-        margin, way = (SOON - 1.0) * self.reach, _HASTE * ahead * _largest_length(velocity)
+            speed = largest_length(velocity)
+        else:
+            speed = self._search.fastest(p, filled)
+        margin, way = (SOON - 1.0) * self.reach, _HASTE * ahead * speed
         rows = self._candidates(p, pose, way) if way > margin else self._near(p, pose)
         if not len(rows):
             return rows, np.empty(0), np.empty((0, p.dimension))
@@ -231,6 +244,8 @@ class RigidContact:
         the surface than `room` (awake,) m; and a point that is nearer is lifted by `part` (awake,) of what is missing,
         as it would be by its mirror image. The cell grows as much as the point is lifted.
         """
+        if self._idle is p.id:
+            return
         rows = self._near(p, self.pose)
         if not len(rows):
             return
@@ -238,7 +253,7 @@ class RigidContact:
         if not (there is rows and pose is self.pose and np.array_equal(x, p.position[rows])):  # something has moved
             gap, normal = self._gap(p.position[rows], self.pose)
         guide_points(
-            rows, gap, np.ascontiguousarray(normal), self.reach, getattr(p, self.cell), room, part, way, lift, p.dim
+            rows, gap, np.ascontiguousarray(normal), self.reach, p.own(self.cell), room, part, way, lift, p.dim
         )
 
     def outline(self, p: Particles, time: float, middle: np.ndarray, size: float):
@@ -287,14 +302,16 @@ class RigidContact:
         if ids is p.id and (pose is None or not pose.way(there, radius) > 0.5 * self.skin):
             return rows
         rows = self._candidates(p, pose, 0.0)
-        x = p.reference_position[rows]
-        gap, _ = self._gap(x, pose)
-        near = ~(gap >= SOON * self.reach + self.skin)  # NaN is near
-        near |= getattr(p, self.spring)[rows].any(axis=1) | getattr(p, self.cell)[rows, :2].any(axis=1)
-        rows, gap, x = rows[near], gap[near], x[near]
-        radius = 0.0 if pose is None else _largest_length(p.reference_position[: p.owned] - pose.reference)
+        if len(rows):
+            x = p.reference_position[rows]
+            gap, _ = self._gap(x, pose)
+            near = ~(gap >= SOON * self.reach + self.skin)  # NaN is near
+            near |= getattr(p, self.spring)[rows].any(axis=1) | getattr(p, self.cell)[rows, :2].any(axis=1)
+            rows = rows[near]
+            self._note_breach(x[near], gap[near], _LOST * self.reach)
+        radius = 0.0 if pose is None else largest_length(p.reference_position[: p.owned] - pose.reference)
         self._chosen = p.id, pose, radius, rows
-        self._note_breach(x, gap, _LOST * self.reach)
+        self._idle = p.id if pose is None and self.reaction is None and not len(rows) else None
         return rows
 
     def _note_breach(self, position, gap, most):
@@ -318,20 +335,3 @@ def _ring(p, rows):
     """What the stiffness of points is multiplied by."""
     width = p.widths()
     return width[rows] if len(width) else 1.0
-
-
-def _largest_length(vectors):
-    """Largest length of vectors (n, d), of those that are known."""
-    return float(np.sqrt(_largest_square(vectors)))
-
-
-@kernel
-def _largest_square(vectors):
-    largest = 0.0
-    for i in range(vectors.shape[0]):
-        square = 0.0
-        for a in range(vectors.shape[1]):
-            square += vectors[i, a] * vectors[i, a]
-        if square > largest:
-            largest = square
-    return largest

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from periporo.core.numerics.jit import kernel
 from periporo.core.points.particles import Particles
 
 _CELLS = 48  # along the longest side of the box around all points
@@ -13,6 +14,8 @@ class Search:
     def __init__(self) -> None:
         self._ids: np.ndarray | None = None
         self._order = self._keys = self._lost = np.empty(0, np.int64)
+        self._filled: np.ndarray | None = None
+        self._speed = 0.0
         self._lower, self._cell, self._counts = np.zeros(0), 1.0, np.zeros(0, np.int64)
 
     def near(self, p: Particles, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
@@ -37,6 +40,12 @@ class Search:
         found = [self._order[a:b] for a, b in zip(starts, stops, strict=True) if b > a]
         return np.sort(np.concatenate([self._lost, *found]))
 
+    def fastest(self, p: Particles, filled: np.ndarray | None) -> float:
+        """Largest speed (m/s) of the owned points, looked for once while the same array is `filled`."""
+        if filled is None or self._filled is not filled:
+            self._filled, self._speed = filled, largest_length(p.velocity[: p.owned])
+        return self._speed
+
     def _sort(self, p):
         self._ids = p.id
         x = p.reference_position[: p.owned]
@@ -53,3 +62,20 @@ class Search:
             keys = keys * count + np.floor((x[:, axis] - self._lower[axis]) / self._cell).astype(np.int64)
         order = np.argsort(keys, kind="stable")
         self._order, self._keys = rows[order], keys[order]
+
+
+def largest_length(vectors):
+    """Largest length of vectors (n, d), of those that are known."""
+    return float(np.sqrt(_largest_square(vectors)))
+
+
+@kernel
+def _largest_square(vectors):
+    largest = 0.0
+    for i in range(vectors.shape[0]):
+        square = 0.0
+        for a in range(vectors.shape[1]):
+            square += vectors[i, a] * vectors[i, a]
+        if square > largest:
+            largest = square
+    return largest

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from periporo.core.points.departures import GONE, LOOK_INTERVAL, Departures
+from periporo.core.points.particles import joined, picked
 from periporo.core.ranks.domain import Domain, bisect
 from periporo.core.ranks.reductions import any_rank, exact_sum, maxima, maximum
 from periporo.errors import ContactError, place_text
@@ -37,7 +38,7 @@ def rebuild(sim, arrive: Callable[[Domain], dict[str, np.ndarray]] | None = None
     if arrive is not None:
         arriving = arrive(sim.domain)
         order = np.argsort(np.concatenate([owned["id"], arriving["id"]]), kind="stable")
-        owned = {name: np.concatenate([array, arriving[name]])[order] for name, array in owned.items()}
+        owned = {name: picked(joined(array, arriving[name]), order) for name, array in owned.items()}
     sim.farthest = max([sim.reach, *(reach_of(owned) for reach_of in sim.reaches)])
     sim.halo.rebuild(p, sim.domain, owned, sim.ghost_reach)
     sim.bonds.rebuild(p, sim.reach)

@@ -63,6 +63,8 @@ class Field:
     """Along which axes each column counts, by which a mirror image of it follows; None if all are scalars."""
     place: bool = False
     """Counts from the origin, so that a shift of the point is one of the field."""
+    sparse: bool = False
+    """Takes no memory where it is zero at all points of a rank: a read-only array stands for zeros until `own`."""
 
 
 def standard_fields(dimension: int) -> tuple[Field, ...]:
@@ -117,14 +119,22 @@ class Particles:
         if field.name in self.fields:
             raise ValueError(f"point field '{field.name}' is declared twice")
         self.fields[field.name] = field
-        setattr(self, field.name, self._zeros(field))
+        setattr(self, field.name, self._zeros(field, field.sparse))
 
     def keep(self, name: str) -> None:
         """Let a field that a step makes belong to its point from now on: it migrates, and is saved."""
         self.fields[name] = replace(self.fields[name], migrates=True)
 
-    def _zeros(self, field: Field) -> np.ndarray:
+    def own(self, name: str) -> np.ndarray:
+        """The array of a sparse field, to be written to."""
+        if not getattr(self, name).flags.writeable:
+            setattr(self, name, self._zeros(self.fields[name], sparse=False))
+        return getattr(self, name)
+
+    def _zeros(self, field: Field, sparse: bool) -> np.ndarray:
         rows = self.total if field.sent else self.owned
+        if sparse:
+            return _nothing(rows, field.columns)
         return _aligned_zeros(rows if field.columns is None else (rows, field.columns), field.dtype)
 
     def present_volume(self) -> np.ndarray:
@@ -145,14 +155,15 @@ class Particles:
         self.awake = self.owned - (int(np.count_nonzero(owned["asleep"])) if "asleep" in self.fields else 0)
         self.total = self.owned + ghosts
         for field in self.fields.values():
-            array = self._zeros(field)
-            if field.migrates:
+            empty = field.sparse and not (owned[field.name].flags.writeable and owned[field.name].any())
+            array = self._zeros(field, sparse=empty)
+            if field.migrates and not empty:
                 array[: self.owned] = owned[field.name]
             setattr(self, field.name, array)
 
     def take(self, rows: np.ndarray | slice) -> dict[str, np.ndarray]:
         """The migrating fields of the owned `rows`."""
-        return {f.name: getattr(self, f.name)[rows] for f in self.migrating()}
+        return {f.name: picked(getattr(self, f.name), rows) for f in self.migrating()}
 
 
 def awake_first(owned: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -160,7 +171,25 @@ def awake_first(owned: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     if "asleep" not in owned or not owned["asleep"].any():
         return owned
     order = np.argsort(owned["asleep"] != 0, kind="stable")
-    return {name: np.ascontiguousarray(array[order]) for name, array in owned.items()}
+    return {name: picked(array, order) for name, array in owned.items()}
+
+
+def picked(array: np.ndarray, rows: np.ndarray | slice) -> np.ndarray:
+    """Some `rows` of a field; of zeros that take no memory zeros that take none."""
+    if array.flags.writeable or isinstance(rows, slice):
+        return array[rows]
+    return _nothing(np.count_nonzero(rows) if rows.dtype == bool else len(rows), array.shape[1])
+
+
+def joined(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Rows of a field and more of them; zeros take no memory if the first took none."""
+    if first.flags.writeable or second.any():
+        return np.concatenate([first, second])
+    return _nothing(len(first) + len(second), first.shape[1])
+
+
+def _nothing(rows, columns):
+    return np.broadcast_to(np.zeros(columns), (rows, columns))
 
 
 def rows_of(ids: np.ndarray, wanted: np.ndarray) -> np.ndarray:

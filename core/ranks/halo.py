@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from periporo.core.points.departures import GONE
-from periporo.core.points.particles import Particles, awake_first
+from periporo.core.points.particles import Particles, awake_first, joined, picked
 from periporo.core.ranks.domain import Domain, distance
 from periporo.core.ranks.halving import exchange_rows
 from periporo.core.ranks.images import Images
@@ -61,17 +61,17 @@ class Halo:
             outgoing = {r: _table(owned, fields, owner == r) for r in np.unique(owner[leaving]).tolist()}
             arrived = exchange_rows(self.comm, outgoing, sum(f.columns or 1 for f in fields))
             if leaving.any() or len(arrived):  # otherwise everything is as it was
-                rows = np.concatenate([_table(owned, fields, ~leaving), arrived])
                 column = 0
                 for f in fields:
                     width = f.columns or 1
-                    part: np.ndarray = np.ascontiguousarray(rows[:, column : column + width]).view(f.dtype)
-                    owned[f.name] = part[:, 0] if f.columns is None else part
+                    part: np.ndarray = np.ascontiguousarray(arrived[:, column : column + width]).view(f.dtype)
+                    part = part[:, 0] if f.columns is None else part
+                    owned[f.name] = joined(picked(owned[f.name], ~leaving), part)
                     column += width
         if (owned["id"][1:] > owned["id"][:-1]).all():
             return owned
         order = np.argsort(owned["id"], kind="stable")
-        return {name: np.ascontiguousarray(array[order]) for name, array in owned.items()}
+        return {name: picked(array, order) for name, array in owned.items()}
 
     def rebuild(self, particles: Particles, domain: Domain, owned: dict[str, np.ndarray], reach: float) -> None:
         """Install the `owned` fields and find every ghost within `reach` m of this rank's box, and every image."""

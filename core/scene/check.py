@@ -90,7 +90,7 @@ def _friction(scene, laws) -> list[str]:
 
 def state_bytes(sim) -> int:
     """Bytes of the arrays of points, rows and pairs on this rank."""
-    arrays = [getattr(sim.particles, name) for name in sim.particles.fields]
+    arrays = [a for name in sim.particles.fields if (a := getattr(sim.particles, name)).flags.writeable]
     for part in (*sim.bonds.carriers, sim.bonds.pairs, sim.bonds, sim.scheme):
         arrays += [value for value in vars(part).values() if isinstance(value, np.ndarray)]
     return sum(a.nbytes for a in {id(a): a for a in arrays}.values())

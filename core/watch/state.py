@@ -50,7 +50,8 @@ def point_fields(sim) -> list[str]:
 def capture(sim) -> State:
     """A copy of the present state, which stays on its ranks."""
     n = sim.particles.owned
-    points = {name: getattr(sim.particles, name)[:n].copy() for name in point_fields(sim)}
+    points = {name: getattr(sim.particles, name)[:n] for name in point_fields(sim)}
+    points = {name: array.copy() if array.flags.writeable else array for name, array in points.items()}
     return State(points, [own_rows(sim, r) for r in sim.bonds.carriers], memory(sim), sim.domain)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from periporo.core.points.particles import Field, Particles
+from periporo.core.points.particles import Field, Particles, joined, picked
 
 
 def filled(dimension=2, n=4):
@@ -56,3 +56,20 @@ def test_added_field_is_zero_and_migrates():
 def test_a_name_is_taken_once():
     with pytest.raises(ValueError, match="point field 'volume' is declared twice"):
         Particles(2).add_field(Field("volume", None, "m^3"))
+
+
+def test_a_sparse_field_takes_memory_where_it_is_not_zero():
+    particles, owned = filled()
+    particles.add_field(Field("touch", 2, "m", sent=False, sparse=True))
+    owned["touch"] = np.zeros((4, 2))
+    particles.replace(owned, 3)
+    assert particles.touch.shape == (4, 2) and not particles.touch.flags.writeable
+    few = particles.take(np.array([2, 0]))["touch"]
+    more = joined(few, np.zeros((3, 2)))
+    assert few.shape == (2, 2) and more.shape == (5, 2) and not few.flags.writeable and not more.flags.writeable
+    assert joined(few, np.ones((1, 2))).tolist() == [[0, 0], [0, 0], [1, 1]]
+    particles.own("touch")[1] = 5.0
+    owned["touch"] = picked(particles.touch, np.array([3, 1, 0, 2]))
+    particles.replace(owned, 0)
+    assert particles.touch.flags.writeable and particles.touch[:, 0].tolist() == [0, 5, 0, 0]
+    assert particles.own("touch") is particles.touch
