@@ -21,6 +21,7 @@ def doubts_about(scene, sim) -> list[str]:
         *_histories_before_their_stage(scene),
         *_rest_that_cannot_be(scene),
         *_thin_obstacles(scene),
+        *_seams(scene),
         *_stiff_contacts(sim, scene),
         *_doubts_of_laws(sim, scene),
         *_strange_permeability(scene),
@@ -152,6 +153,21 @@ def _thin_obstacles(scene) -> list[str]:
                 f"contacts[{number}] ({model.type}) is {thickness:.3g} m thick, less than a spacing: a point that is "
                 "pressed to its middle comes out on the other side; make it thicker"
             )
+    return doubts
+
+
+def _seams(scene) -> list[str]:
+    """A remark on each periodic axis along which rows of points do not go on at their distance."""
+    doubts = []
+    for axis in range(scene.dimension):
+        lower, upper = scene.periodic.along(axis) if scene.periodic else (None, None)
+        if lower is not None and upper is not None:
+            rows = (upper - lower) / scene.spacing
+            if abs(rows - round(rows)) > 1e-6:
+                doubts.append(
+                    f"periodic: {rows:.6g} spacings along {'xyz'[axis]}, so points across the seam stand closer or "
+                    "farther than others; make it a whole number"
+                )
     return doubts
 
 
