@@ -29,6 +29,7 @@ def doubts_about(scene, sim) -> list[str]:
         *_rest_that_cannot_be(scene),
         *_thin_obstacles(scene),
         *_stepped_outlines(sim, scene),
+        *_seams(scene),
         *_stiff_contacts(sim, scene),
         *_doubts_of_laws(sim, scene),
         *doubts_about_water(scene, sim),
@@ -201,6 +202,21 @@ def _stepped_outlines(sim, scene) -> list[str]:
                 f"the points of body '{lattice.body.name}' have {volume / exact:.3g} times the volume of its shape, "
                 "whose outline the lattice cuts in steps; 'lattice: rings' follows it"
             )
+    return doubts
+
+
+def _seams(scene) -> list[str]:
+    """A remark on each periodic axis along which rows of points do not go on at their distance."""
+    doubts = []
+    for axis in range(scene.dimension):
+        lower, upper = scene.periodic.along(axis) if scene.periodic else (None, None)
+        if lower is not None and upper is not None:
+            rows = (upper - lower) / scene.spacing
+            if abs(rows - round(rows)) > 1e-6:
+                doubts.append(
+                    f"periodic: {rows:.6g} spacings along {'xyz'[axis]}, so points across the seam stand closer or "
+                    "farther than others; make it a whole number"
+                )
     return doubts
 
 

@@ -43,6 +43,11 @@ def _end_problems(scene):
                 yield Problem(("gravity",), f"pulls along {name}, across a plane of symmetry; it must be 0 there")
             if periodic is not None and periodic.along(a) != (None, None):
                 yield Problem(("periodic",), f"the scene has a plane of symmetry across {name}; take one of both")
+            components = getattr(scene.initial_stress, "components", None)
+            sheared = [c for c in ("xy", "yz", "xz") if name in c and getattr(components, c, 0.0)]
+            if sheared:
+                message = f"no shear stress acts on a plane of symmetry across {name}; leave out {', '.join(sheared)}"
+                yield Problem(("initial_stress", "components"), message)
             if scene.axisymmetric and a == 0:
                 yield Problem(("symmetry",), "x is the radius with axisymmetric: true; leave it null")
     for a in axes if periodic else ():

@@ -1,5 +1,6 @@
 """Reading of result files: NumPy arrays by field and time."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -10,6 +11,7 @@ import yaml
 from periporo.core.numerics.cells import Cells
 from periporo.core.numerics.gravity import vertical_axis
 from periporo.io.output.parts import Parts, damage
+from periporo.io.output.profiles import along_line
 from periporo.io.output.vtkhdf_layout import COUNTS, INDEX, Column, Index, folder_of, stored_columns
 from periporo.io.output.water_table import water_table
 
@@ -129,6 +131,21 @@ class Results:
     def positions(self, step: int = -1, *, time: float | None = None) -> np.ndarray:
         """Positions (n, 3) m, in the coordinates of the scene."""
         return self._rows("Points", self.output(step, time)) + self.origin
+
+    def profile(
+        self, name: str, start: Sequence[float], end: Sequence[float], step: int = -1, *, time: float | None = None,
+        count: int = 101,
+    ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+        """Field `name` along the line from `start` to `end`, in as many coordinates as the scene has, m.
+
+        Distances (count,) m from the start, and values (count, ...), NaN where there is no soil.
+        """
+        ends = np.array([start, end], float)
+        if ends.shape != (2, self.dimension):
+            raise ResultError(f"a line begins and ends at {self.dimension} coordinates each, not {ends.shape[1]}")
+        first, last = np.pad(ends, ((0, 0), (0, 3 - self.dimension)))
+        places, values = self.positions(step, time=time), self.field(name, step, time=time)
+        return along_line(places, values, first, last, float(self.configuration["spacing"]), count)
 
     def obstacles(self, step: int = -1, *, time: float | None = None) -> list[tuple[int, int, np.ndarray]]:
         """Obstacles as they are drawn: number among the contacts, VTK's kind of cell, and corners (k, 3) m of each."""

@@ -44,6 +44,20 @@ def test_output_by_index_and_time(tmp_path, heap):
             results.positions(3)
 
 
+def test_profiles_are_exact_for_linear_fields_and_end_with_the_soil(tmp_path, heap):
+    """At the end the block is sheared to x + y; its velocity grows with the height, its stress is the same anywhere."""
+    with open_results(heap(tmp_path / "run.h5")) as results:
+        distance, velocity = results.profile("velocity", [0.52, 0.03], [0.92, 0.43], count=9)
+        assert distance == pytest.approx(np.linspace(0.0, 0.4 * 2**0.5, 9))
+        assert velocity[:, 0] == pytest.approx(0.5 * np.linspace(0.03, 0.43, 9), rel=1e-9)
+        _, stress = results.profile("stress", [0.5, 0.25], [3.0, 0.25], 0, count=26)
+        soil = np.isfinite(stress[:, 0])
+        assert soil.tolist() == [True] * 6 + [False] * 20
+        assert stress[soil] == pytest.approx(np.tile([-3.0, 0, 0, 4.0, 0, 0], (6, 1)), abs=1e-12)
+        with pytest.raises(ResultError, match="2 coordinates each, not 3"):
+            results.profile("stress", [0, 0, 0], [1, 0, 0])
+
+
 def test_unknown_names_are_told(tmp_path, heap):
     with open_results(heap(tmp_path / "run.h5")) as results:
         with pytest.raises(ResultError, match="no field 'pressure'.*stress, velocity"):

@@ -8,6 +8,7 @@ from periporo.core.numerics.tensors import from_matrix, to_matrix
 from periporo.core.points import fields
 from periporo.core.points.particles import Field, Particles, matrix, symmetric, tensor, vector
 from periporo.core.ranks.images import Images
+from periporo.core.scene.doubts import doubts_about
 from periporo.errors import ContactError, InputError
 from periporo.io.input.load import parse_scene
 
@@ -120,6 +121,8 @@ def test_a_point_that_meets_its_image_and_goes_on_is_told(started):
     ({"symmetry": {}}, "gives no place"),
     ({"symmetry": {"lower": [0.1, None]}}, "one side of the"),
     ({"symmetry": {"lower": [0, None]}, "gravity": [1.0, -9.81]}, "across a plane of symmetry"),
+    ({"symmetry": {"lower": [0, None]}, "initial_stress": {"type": "uniform", "components": {"xy": 1.0}}},
+     "no shear stress"),
     ({"symmetry": {"lower": [0, None]}, "correspondence": "sub_horizon"}, "points with images need"),
     ({"symmetry": {"lower": [0, None]}, "sleep": {"speed": 1e-3}}, "do not sleep"),
     ({"symmetry": {"lower": [0, None]}, "contacts": [
@@ -141,3 +144,9 @@ def test_what_images_cannot_do_is_refused(change, words):
 def test_a_cell_as_narrow_as_the_horizon_is_refused(started):
     with pytest.raises(InputError, match="too narrow"):
         started(block([0, 0], [0.2, 0.5], periodic={"lower": [0, None], "upper": [0.2, None]}))
+
+
+def test_a_seam_that_is_not_a_whole_number_of_spacings_is_doubted(started):
+    scene = block([0, 0], [0.8, 0.5], periodic={"lower": [0, None], "upper": [0.85, None]})
+    (text,) = (d for d in doubts_about(parse_scene(scene), started(scene)) if d.startswith("periodic"))
+    assert "8.5 spacings along x" in text
