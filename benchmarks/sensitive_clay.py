@@ -67,7 +67,7 @@ def main(words=None):
         print(f"| {spacing:g} | {len(widths)} | {texts} | {retreat:.0f} | {-place[:, 0].min():.0f} |", flush=True)
         axes[0].step(times, scarp - CREST, where="post", label=f"spacing {spacing:g} m")
         picture.scatter(*place[:, :2].T, c=strain, s=4.0 * spacing**2, vmin=0.0, vmax=1.0, marker="s", lw=0)
-        picture.set(aspect="equal", title=f"spacing {spacing:g} m: plastic shear strain, 0 to 1", xlim=(-90, 100))
+        picture.set(aspect="equal", title=f"spacing {spacing:g} m: plastic shear strain, 0 to 1", xlim=(-100, 140))
     axes[0].set(xlabel="time, s", ylabel="retreat of the scarp, m")
     axes[0].legend()
     figure.savefig(arguments.folder / "sensitive_clay.png", dpi=100)

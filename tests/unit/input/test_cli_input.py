@@ -151,7 +151,7 @@ def test_the_input_reference_on_one_page(call):
     status, out, _ = call("schema", "--markdown")
     assert status == 0
     for words in ("## Plane contact", "| `K0` | horizontal over vertical stress | 1 | number >= 0, <= 10 | `0.5` |",
-                  "### `model: arena`"):  # fmt: skip
+                  "## `model: arena`"):  # fmt: skip
         assert words in out
     links = {part.split(")")[0] for part in out.split("](#")[1:]}
     assert len(links) > 20 and links <= anchors(out) and ".md#" not in out
