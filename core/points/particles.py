@@ -105,14 +105,17 @@ class Particles:
         return [f for f in self.fields.values() if f.migrates]
 
     def replace(self, owned: dict[str, np.ndarray], ghosts: int) -> None:
-        """New owned rows by field name, sleepers last, with room for `ghosts` more; the other fields become zero."""
+        """New owned rows by field name, sleepers last, with room for `ghosts` more; the other fields become zero.
+
+        Fields are taken out of `owned` one by one, so that old and new rows are not there all at once.
+        """
         self.owned = len(owned["id"])
         self.awake = self.owned - (int(np.count_nonzero(owned["asleep"])) if "asleep" in self.fields else 0)
         self.total = self.owned + ghosts
         for field in self.fields.values():
             array = self._zeros(field)
             if field.migrates:
-                array[: self.owned] = owned[field.name]
+                array[: self.owned] = owned.pop(field.name)
             setattr(self, field.name, array)
 
     def take(self, rows: np.ndarray | slice) -> dict[str, np.ndarray]:
