@@ -223,19 +223,26 @@ def parts(arguments):
 
 
 def memory(arguments):
-    """Set up and step; state and peak of the processes."""
-    began = time.perf_counter()
+    """Set up, and step until neighbours were found three times; state and peak of the processes."""
     counts = arguments.counts or [arguments.side] * arguments.dimension
+    block([8] * arguments.dimension).step()  # Python and kernels, which every scene needs
+    needed = COMM.allreduce(peak())
+    began = time.perf_counter()
     sim = block(counts)
     ready = time.perf_counter() - began
-    for _ in range(3):
+    while sim.rebuild_count < 3:
         sim.step()
-    state = COMM.allreduce(state_bytes(sim))
-    peak = COMM.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+    state, highest = COMM.allreduce(state_bytes(sim)), COMM.allreduce(peak())
     if COMM.rank == 0:
         points = np.prod(counts)
         print(f"{COMM.size} ranks {points:,} points: ready after {ready:.1f} s; state {state / points:.0f} B "
-              f"per point, peak of the processes {peak / 1e9:.2f} GB, {peak / points:.0f} B per point")  # fmt: skip
+              f"per point, at the peak {(highest - needed) / points:.0f} B per point beyond the {needed / 1e9:.2f} GB "
+              f"of a scene of {8**arguments.dimension} points")  # fmt: skip
+
+
+def peak():
+    """Largest memory of this process so far, bytes."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 ACTIONS = {"count": count, "sweep": sweep, "collapse": collapse, "speedup": speedup, "parts": parts,

@@ -9,7 +9,7 @@ import numpy as np
 from periporo.core.numerics.jit import kernel
 from periporo.core.numerics.tensors import INDEX_PAIRS
 from periporo.core.points.material import Material, StepRefused, UpdatesFailed, state_columns
-from periporo.core.points.neighbours import Pairs, original
+from periporo.core.points.neighbours import Keys, Pairs, original
 from periporo.core.points.opening import Opening
 from periporo.core.points.particles import Particles, rows_of, scalars
 from periporo.core.ranks.halo import pack
@@ -26,7 +26,6 @@ class Rows:
         self.side = np.empty(0, np.int8)
         self.start = np.zeros(1, np.int64)
         self.first, self.second = np.empty(0, np.uint32), np.empty(0, np.uint32)
-        self.ids = np.empty((0, 2), np.int64)
         self.integrity, self.fraction = np.empty(0), np.empty(0)
         self.shape_inverse, self.gradient = np.empty((0, 0)), np.empty((0, 0))
         self.active = np.empty(0, np.bool_)
@@ -42,11 +41,13 @@ class Rows:
         """
         self.layout.choose(self, peers, pairs, particles)
         n = len(self.pair)
-        source = np.full(n, -1, np.int64)
+        source = np.full(n, -1, np.int32)
         self.stress, self.state = np.zeros((n, self.stress.shape[1])), np.zeros((n, self.columns))
         if self.carried is not None:
             old = self.carried
-            _match(*self.layout.keys(self, pairs), old.ids, old.place, old.active, source)
+            (keys, place), before = self.layout.keys(self, pairs), Keys.of(old.ids)
+            _match(keys.first, keys.second, keys.id, place,
+                   before.first, before.second, before.id, old.place, old.active, source)  # fmt: skip
             _copy_rows(source, old.stress, self.stress)
             _copy_rows(source, old.state, self.state)
             self.carried = None
@@ -158,7 +159,7 @@ class Block(Rows):
 class Carried:
     """State of rows on its way through a rebuild, sorted by the ids of their ends, `ids`[`place`]."""
 
-    ids: np.ndarray
+    ids: np.ndarray | Keys
     place: np.ndarray
     active: np.ndarray  # the others are dropped
     stress: np.ndarray
@@ -197,13 +198,13 @@ class Carried:
 
 
 @kernel
-def _match(ids, pair, old_ids, old_pair, old_active, source):
+def _match(first, second, id, pair, old_first, old_second, old_id, old_pair, old_active, source):
     """For each row the active old row with the same ids, or -1; both lists are in id order."""
     k = 0
     for r in range(pair.shape[0]):
-        lower, higher = ids[pair[r], 0], ids[pair[r], 1]
+        lower, higher = id[first[pair[r]]], id[second[pair[r]]]
         while k < old_pair.shape[0]:
-            i, j = old_ids[old_pair[k], 0], old_ids[old_pair[k], 1]
+            i, j = old_id[old_first[old_pair[k]]], old_id[old_second[old_pair[k]]]
             if i > lower or (i == lower and j >= higher):
                 if i == lower and j == higher and old_active[k]:
                     source[r] = k

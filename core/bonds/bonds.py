@@ -200,7 +200,7 @@ class Bonds:
             )
             if block.resting is not None:
                 rest = block.resting
-                average = np.hstack([np.ones((len(rest.ids), 1)), rest.stress, rest.state])
+                average = np.hstack([np.ones((len(rest.stress), 1)), rest.stress, rest.state])
                 getattr(particles, block.average)[rows_of(particles.id, rest.ids[:, 0])] = average
 
     def total_stress(self, particles: Particles, points: np.ndarray, stress: np.ndarray) -> None:

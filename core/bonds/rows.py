@@ -7,6 +7,7 @@ weight): row r lies between the points first[index[r]] and second[index[r]].
 import numpy as np
 
 from periporo.core.numerics.jit import kernel
+from periporo.core.points.neighbours import Keys
 from periporo.core.points.particles import Field
 
 BOTH, FIRST, SECOND = 0, 1, 2  # whose share of a pair's volume a row stands for
@@ -37,9 +38,9 @@ class PairRows(Layout):
         side = np.where(is_first & is_second, BOTH, np.where(is_first, FIRST, SECOND))
         block.side = side[block.pair].astype(np.int8)
 
-    def keys(self, block, pairs) -> tuple[np.ndarray, np.ndarray]:
+    def keys(self, block, pairs) -> tuple[Keys, np.ndarray]:
         """Ids (m, 2) in ascending order, and the place in them of each row (n,)."""
-        return pairs.ids, block.pair
+        return pairs.keys, block.pair
 
     def ends(self, block, pairs) -> tuple[np.ndarray, ...]:
         """The ends of the rows, and the influence with which the rows count in the average of an end."""
@@ -76,11 +77,10 @@ class DirectedRows(Layout):
         n, d = len(block.pair), p.dimension
         block.integrity, block.fraction = np.zeros(n), np.zeros(n)
         block.shape_inverse, block.gradient = np.zeros((n, d * (d + 1) // 2)), np.zeros((n, d * d))
-        block.ids = np.stack([p.id[block.first], p.id[block.second]], axis=1)
 
-    def keys(self, block, pairs) -> tuple[np.ndarray, np.ndarray]:
+    def keys(self, block, pairs) -> tuple[Keys, np.ndarray]:
         """Ids (n, 2) in ascending order, and the place in them of each row (n,)."""
-        return block.ids, _all_rows(block)
+        return Keys(block.first, block.second, pairs.id), _all_rows(block)
 
     def ends(self, block, pairs) -> tuple[np.ndarray, ...]:
         """The ends of the rows, and the influence with which the rows count in the average of their point."""
@@ -104,11 +104,10 @@ class PointRows(Layout):
         block.first = block.second = np.flatnonzero(p.material[: p.awake] == block.index).astype(np.uint32)
         block.pair, block.side = block.first, np.zeros(len(block.first), np.int8)
         block.integrity = np.ones(len(block.first))
-        block.ids = np.stack([p.id[block.first]] * 2, axis=1)
 
-    def keys(self, block, pairs) -> tuple[np.ndarray, np.ndarray]:
+    def keys(self, block, pairs) -> tuple[Keys, np.ndarray]:
         """Ids (n, 2) in ascending order, and the place in them of each row (n,)."""
-        return block.ids, _all_rows(block)
+        return Keys(block.first, block.second, pairs.id), _all_rows(block)
 
     def ends(self, block, pairs) -> tuple[np.ndarray, ...]:
         """The point of each row, twice, and 1: a point's average is its row."""

@@ -38,10 +38,15 @@ def processor() -> tuple[str, str]:
 
     The variables NUMBA_CPU_NAME and NUMBA_CPU_FEATURES tell it, or `compile_for`.
     """
-    name = numba_config.CPU_NAME or llvmlite.binding.get_host_cpu_name()
-    if numba_config.CPU_FEATURES is not None:
-        return name, numba_config.CPU_FEATURES
-    return name, llvmlite.binding.get_host_cpu_features().flatten()
+    name, features = _host()
+    chosen = numba_config.CPU_FEATURES
+    return numba_config.CPU_NAME or name, features if chosen is None else chosen
+
+
+@functools.cache
+def _host() -> tuple[str, str]:
+    """Name and features of this processor."""
+    return llvmlite.binding.get_host_cpu_name(), llvmlite.binding.get_host_cpu_features().flatten()
 
 
 def common_processor(processors: list[tuple[str, str]]) -> tuple[str, str]:
@@ -69,8 +74,14 @@ def _machine() -> str:
 def _digest(sources) -> str:
     digest = hashlib.sha256(_machine().encode())
     for source in sources:
-        digest.update(source.read_bytes())
+        digest.update(_content(source))
     return digest.hexdigest()[:16]
+
+
+@functools.cache
+def _content(source: Path) -> bytes:
+    """Hash of a file, which many kernels depend on."""
+    return hashlib.sha256(source.read_bytes()).digest()
 
 
 def program_fingerprint() -> str:
@@ -87,7 +98,7 @@ def _imported(source: Path) -> frozenset[Path]:
     root = source.parent
     while (root / "__init__.py").exists():
         root = root.parent
-    found = set()
+    found: set[Path] = set()
     for module, names, plain in _IMPORTS.findall(source.read_text()):
         below = [re.split(r"\s+as\s+|\s", name.strip())[0] for name in names.strip("()").split(",")]
         for name in (plain or module, *(f"{module.removesuffix('.')}.{name}" for name in below if module and name)):
@@ -96,9 +107,14 @@ def _imported(source: Path) -> frozenset[Path]:
             place = source.parents[dots - 1] if dots else root
             if parts[:1] == ["periporo"]:
                 place, parts = _PACKAGE, parts[1:]
-            path = place.joinpath(*parts)
-            found |= {p for p in (path.with_suffix(".py"), path / "__init__.py") if p.is_file()}
+            found |= _files_of(os.path.join(place, *parts))
     return frozenset(p for p in found if p != source)
+
+
+@functools.cache
+def _files_of(module: str) -> frozenset[Path]:
+    """The file of a module or package at a path without its ending; none if it is no module."""
+    return frozenset(Path(p) for p in (f"{module}.py", f"{module}/__init__.py") if os.path.isfile(p))
 
 
 @functools.cache

@@ -1,5 +1,7 @@
 """Pairs of points within a distance, found on a grid of cells, in the order of their global ids."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from periporo.core.numerics.jit import kernel
@@ -8,10 +10,33 @@ from periporo.core.points.particles import SHEET
 _ID_BITS, _SHEET_BITS = 53, 3  # of the second id of a pair: the point, and for each axis its sheet from the first one's
 
 
+@dataclass(frozen=True)
+class Keys:
+    """Ids of the two ends of rows, without a copy: `id` (k,) at the places `first` and `second` (n,).
+
+    keys[rows] are ids (m, 2).
+    """
+
+    first: np.ndarray
+    second: np.ndarray
+    id: np.ndarray
+
+    def __getitem__(self, rows) -> np.ndarray:
+        return np.stack([self.id[self.first[rows]], self.id[self.second[rows]]], axis=-1)
+
+    @classmethod
+    def of(cls, ids: "np.ndarray | Keys") -> "Keys":
+        """The keys `ids` (n, 2), which may be such already."""
+        if isinstance(ids, Keys):
+            return ids
+        first = np.arange(0, ids.size, 2, dtype=np.uint32)
+        return cls(first, first + np.uint32(1), ids.ravel())
+
+
 class Pairs:
     """Undirected pairs with at least one owned and one waking end, sorted by (lower id, higher id).
 
-    `first`, `second` (n,) uint32 rows of the end with the lower and the higher id; `ids` (n, 2) int64;
+    `first`, `second` (n,) uint32 rows of the end with the lower and the higher id; `id` (total,) of the points; `keys`;
     `weight` (n,) influence w of the present configuration, 0 from the horizon on; `count` (total,) how many bonds
     of each point are shorter than that. Every loop over pairs adds to both ends in this order, which is the same on
     every rank: sums do not depend on the decomposition.
@@ -21,33 +46,42 @@ class Pairs:
     """
 
     def __init__(self):
-        self.first = np.empty(0, np.uint32)
-        self.second = np.empty(0, np.uint32)
-        self.ids = np.empty((0, 2), np.int64)
-        self.weight = np.empty(0)
+        self._clear()
         self.count = np.empty(0, np.int64)
+
+    def _clear(self):
+        self.first = self.second = np.empty(0, np.uint32)
+        self.id = np.empty(0, np.int64)
+        self.keys = Keys(self.first, self.second, self.id)
+        self.weight = np.empty(0)
 
     def find(self, particles, reach: float) -> None:
         """List every pair closer than `reach` m whose points may bond (same `group`), unless both sleep."""
         p = particles
         capacity = max(int(1.2 * len(self.first)), 16 * p.total, 64)
+        self._clear()  # what is not needed any more makes room
         asleep = p.asleep != 0 if "asleep" in p.fields else None
         self.first, self.second = find_pairs(p, np.arange(p.total), p.group, reach, capacity, asleep)
         found = len(self.first)
-        self.ids = np.stack([p.id[self.first], p.id[self.second]], axis=1)
-        if SHEET in p.fields:
-            self._tell_images(p)
+        self.id = p.id
+        self.keys = self._with_images(p) if SHEET in p.fields else Keys(self.first, self.second, p.id)
         self.weight, self.count = np.zeros(found), np.zeros(p.total, np.int64)
 
-    def _tell_images(self, p):
-        """Number the images in `ids`, and sort by these; a bond across a seam has the same ids from either side."""
+    def _with_images(self, p) -> Keys:
+        """Sort the pairs by ids that number the images; a bond across a seam has the same ids from either side."""
         swapped = p.sheet[self.first, -1] != 0
         first, second = np.where(swapped, self.second, self.first), np.where(swapped, self.first, self.second)
         sheets = (p.sheet[second, :-1] - p.sheet[first, :-1]) & (2**_SHEET_BITS - 1)
-        self.ids[:, 0] = p.id[first]
-        self.ids[:, 1] = p.id[second] + (sheets << (_ID_BITS + _SHEET_BITS * np.arange(p.dimension))).sum(axis=1)
-        order = np.lexsort((self.ids[:, 1], self.ids[:, 0]))
-        self.first, self.second, self.ids = first[order], second[order], self.ids[order]
+        told = p.id[second] + (sheets << (_ID_BITS + _SHEET_BITS * np.arange(p.dimension))).sum(axis=1)
+        ids = np.stack([p.id[first], told], axis=1)
+        order = np.lexsort((ids[:, 1], ids[:, 0]))
+        self.first, self.second = first[order], second[order]
+        return Keys.of(ids[order])
+
+    @property
+    def ids(self) -> np.ndarray:
+        """Ids (n, 2) of the ends."""
+        return self.keys[:]
 
     def per_point(self, total: int) -> np.ndarray:
         """How many listed pairs each of `total` points has, (total,) float64."""
@@ -74,10 +108,14 @@ def find_pairs(
     order = rows[np.argsort(p.id[rows], kind="stable")].astype(np.int32)
     cell, counts = _cells(p.position[order], reach)
     while True:
-        ends = np.empty((2, capacity), np.uint32)
+        room = np.empty(2 * capacity, np.uint32)
+        ends = room.reshape(2, capacity)
         found = _find_pairs(order, p.position, group, asleep, p.owned, cell, counts, reach, ends, p.dim)
         if found <= capacity:
-            return ends[:, :found].copy()
+            room[found : 2 * found] = ends[1, :found]
+            del ends
+            room.resize(2 * found, refcheck=False)  # in place: there would not be room for a copy
+            return room.reshape(2, found)
         capacity = found
 
 
@@ -98,7 +136,7 @@ def _cells(position, reach):
     extent = np.array([x.max() for x in finite]) - lower if n else np.zeros(d)
     # a few points flung far away must not blow up the grid: larger cells find the same pairs
     size = max(reach, float((np.prod(np.maximum(extent, reach)) / (4.0 * max(n, 1))) ** (1.0 / d)))
-    cell = np.zeros((n, 3), np.int64)
+    cell = np.zeros((n, 3), np.int32)
     for a in range(d):
         cell[:, 3 - d + a] = np.floor((finite[a] - lower[a]) / size)
     return cell, np.array([c.max(initial=0) for c in cell.T]) + 1

@@ -150,15 +150,19 @@ class Particles:
         return [f for f in self.fields.values() if f.migrates]
 
     def replace(self, owned: dict[str, np.ndarray], ghosts: int) -> None:
-        """New owned rows by field name, sleepers last, with room for `ghosts` more; the other fields become zero."""
+        """New owned rows by field name, sleepers last, with room for `ghosts` more; the other fields become zero.
+
+        Fields are taken out of `owned` one by one, so that old and new rows are not there all at once.
+        """
         self.owned = len(owned["id"])
         self.awake = self.owned - (int(np.count_nonzero(owned["asleep"])) if "asleep" in self.fields else 0)
         self.total = self.owned + ghosts
         for field in self.fields.values():
-            empty = field.sparse and not (owned[field.name].flags.writeable and owned[field.name].any())
+            given = owned.pop(field.name) if field.migrates else None
+            empty = given is not None and field.sparse and not (given.flags.writeable and given.any())
             array = self._zeros(field, sparse=empty)
-            if field.migrates and not empty:
-                array[: self.owned] = owned[field.name]
+            if given is not None and not empty:
+                array[: self.owned] = given
             setattr(self, field.name, array)
 
     def take(self, rows: np.ndarray | slice) -> dict[str, np.ndarray]:

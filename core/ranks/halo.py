@@ -83,6 +83,7 @@ class Halo:
         rows_near = {rank: np.flatnonzero(distance(box, owned["position"]) < reach) for rank, box in near.items()}
         self.sends = {rank: rows for rank, rows in rows_near.items() if len(rows)}
         arriving = self._counts({rank: len(rows) for rank, rows in rows_near.items()})
+        again = dict(owned) if self.images is not None else {}
         particles.replace(owned, sum(arriving.values()))
         self.receives, start = {}, particles.owned
         for rank, count in arriving.items():
@@ -94,7 +95,7 @@ class Halo:
             self._exchange(particles, ("position",))
             self.close()
             ghosts = particles.total - particles.owned
-            particles.replace(owned, ghosts + self.images.find(particles, reach))
+            particles.replace(again, ghosts + self.images.find(particles, reach))
             copied.append(self.images.rows)
         self.boundary_rows = np.unique(np.concatenate(copied))
         self.boundary_rows = self.boundary_rows[self.boundary_rows < particles.owned]

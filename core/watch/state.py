@@ -194,7 +194,7 @@ def install(sim, state: State) -> None:
     for held, rows in zip(bonds.carriers, state.rows, strict=True):
         held.carried, held.resting = _shared(sim, rows), None
     bonds.rebuild(p, sim.reach)
-    lost = sum(len(r.ids) - len(own_rows(sim, h).ids) for h, r in zip(bonds.carriers, state.rows, strict=True))
+    lost = sum(len(r.stress) - len(own_rows(sim, h).stress) for h, r in zip(bonds.carriers, state.rows, strict=True))
     if sim.comm.allreduce(lost) != 0:
         raise StateError("its rows are not between neighbours of this scene")
     for contact in sim.stages[sim.stage_number].contacts:
@@ -214,7 +214,7 @@ def install(sim, state: State) -> None:
 def _shared(sim, rows: Carried) -> Carried:
     """The rows together with those whose second end is ours and whose first end is another rank's."""
     p = sim.particles
-    packed = pack([rows.ids, rows.stress, rows.state])
+    packed = rows.packed(rows.active)
     second = rows_of(p.id, original(rows.ids[:, 1]))
     receives = sim.halo.receives.items()
     outgoing = {r: packed[(second >= ghosts.start) & (second < ghosts.stop)] for r, ghosts in receives}

@@ -1,12 +1,7 @@
 """Progress and messages of a run: a live line on a terminal, plain lines elsewhere; rank 0 speaks."""
 
-import os
 import time as clock
 from collections import deque
-
-from rich.console import Console
-from rich.live import Live
-from rich.text import Text
 
 _LIVE_INTERVAL = 0.25  # s between two refreshes on a terminal
 _PLAIN_INTERVAL = 5.0  # s between two plain lines
@@ -15,15 +10,6 @@ _BAR = 24
 _NAMES = {"kinetic_energy": "kinetic", "internal_energy": "internal", "max_speed": "max speed",
           "energy_residual": "residual"}
 _UNITS = {"kinetic_energy": "J", "internal_energy": "J", "energy_residual": "J", "max_speed": "m/s"}
-
-
-class _PatientConsole(Console):
-    """A console that falls silent when nobody reads it any more: a run goes on when its `tee` or pipe has ended."""
-
-    def on_broken_pipe(self):
-        """In place of ending the program."""
-        self.quiet = True
-        os.dup2(os.open(os.devnull, os.O_WRONLY), self.file.fileno())
 
 
 class Progress:
@@ -38,7 +24,9 @@ class Progress:
         self._now = now
         self._console = console
         if self.enabled and console is None:
-            self._console = _PatientConsole(highlight=False, soft_wrap=True)
+            from periporo.io.output.terminal import PatientConsole  # which loads for long: the other ranks do without
+
+            self._console = PatientConsole(highlight=False, soft_wrap=True)
         self._live = None
         self._due = float("inf")  # clock at which the next line is due
         self._stage, self._end, self._points = "", None, 0
@@ -72,7 +60,9 @@ class Progress:
         until = "" if end_time is None else f", until {end_time:.6g} s"
         self._print(f"{name}: {points:,} points{until}")
         if self._console.is_terminal:
-            self._live = Live(Text(""), console=self._console, auto_refresh=False, transient=True)
+            from periporo.io.output.terminal import LiveText
+
+            self._live = LiveText(self._console)
             self._live.start()
 
     def update(self, time, dt, step, **figures):
@@ -103,7 +93,7 @@ class Progress:
         while len(self._marks) > 2 and now - self._marks[1][0] > _WINDOW:
             self._marks.popleft()
         if self._live is not None:
-            self._live.update(Text("\n".join(self._lines(live=True)), overflow="fold"), refresh=True)
+            self._live.show("\n".join(self._lines(live=True)))
             self._due = now + _LIVE_INTERVAL
         else:
             self._print("  ".join(self._lines(live=False)))

@@ -30,7 +30,7 @@ FILE_PATTERN = r"^[^\x00-\x1f\x7f]+$"
 class SceneModel(BaseModel):
     """Base of every part of a scene: immutable; unknown keys, NaN and infinity are errors."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 def key(

@@ -143,9 +143,8 @@ class Output(SceneModel):
         "fields to write, see the page on results; default: the usual ones", default=None, max_length=100
     )
     parts: Integer | None = key(
-        "part files that several ranks write results and checkpoints to, side by side; default: rank 0 writes one file",
-        default=None, ge=1, le=4096,
-    )  # fmt: skip
+        "part files that several ranks write, of checkpoints, too; default: one file", default=None, ge=1, le=4096
+    )
     history_interval: Integer = key("steps between entries of histories", "steps", default=10, ge=1, le=10**6)
 
 

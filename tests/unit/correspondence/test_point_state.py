@@ -16,6 +16,7 @@ from periporo.core.watch import state
 from periporo.errors import InputError
 from periporo.io.input.load import parse_scene
 from periporo.io.output import checkpoint
+from periporo.io.output.background import Background
 from periporo.materials.drucker_prager import DruckerPrager
 from periporo.materials.elastic import Elastic
 
@@ -340,7 +341,10 @@ def test_links_start_at_zero_and_last_through_rebuilds_and_checkpoints(make, tmp
     assert newborn.any() and (links.stress[newborn] == 0.0).all()
     sim.stages = [type("Stage", (), {"memory": dict, "contacts": [], "loads": []})()]
     now = sim.step_number, state.memory(sim), state.tables(sim)
-    path = checkpoint.write(sim.comm, tmp_path / "run.h5", *now, "{}", keep=1)
+    background = Background(sim.comm)
+    path = checkpoint.write(background, tmp_path / "run.h5", *now, "{}", keep=1)
+    background.settle()
+    background.close()
     _, kept = state.State.of_tables(*checkpoint.read(path, MPI.COMM_SELF, "{}")).rows
     assert np.array_equal(kept.ids, sim.bonds.pairs.ids[links.active])
     assert np.array_equal(kept.stress, links.stress[links.active])

@@ -18,7 +18,7 @@ def filled(dimension=2, n=4):
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_replace_installs_owned_rows_and_room_for_ghosts(dimension):
     particles, owned = filled(dimension)
-    particles.replace(owned, 3)
+    particles.replace(dict(owned), 3)
     assert (particles.owned, particles.total) == (4, 7)
     for name, field in particles.fields.items():
         array = getattr(particles, name)
@@ -33,7 +33,7 @@ def test_replace_installs_owned_rows_and_room_for_ghosts(dimension):
 
 def test_take_is_the_inverse_of_replace():
     particles, owned = filled()
-    particles.replace(owned, 2)
+    particles.replace(dict(owned), 2)
     taken = particles.take(np.array([2, 0]))
     assert taken.keys() == owned.keys()
     assert all((taken[name] == owned[name][[2, 0]]).all() for name in owned)
@@ -45,7 +45,7 @@ def test_fields_of_eight_bytes_only_so_that_messages_can_be_packed():
 
 def test_added_field_is_zero_and_migrates():
     particles, owned = filled()
-    particles.replace(owned, 1)
+    particles.replace(dict(owned), 1)
     particles.add_field(Field("suction", None, "Pa"))
     particles.add_field(Field("spring", 2, "m", sent=False))
     assert particles.suction.shape == (5,) and particles.spring.shape == (4, 2)

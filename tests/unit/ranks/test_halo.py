@@ -33,7 +33,7 @@ def test_verbs_on_one_rank_sort_points_by_id_and_make_no_ghosts():
     owned = {f.name: rng.normal(size=(n,) if f.columns is None else (n, f.columns)).astype(f.dtype)
              for f in particles.migrating()}  # fmt: skip
     owned["id"] = rng.permutation(100)[:n]
-    particles.replace(owned, 0)
+    particles.replace(dict(owned), 0)
     halo = Halo(MPI.COMM_SELF)
     domain = bisect(MPI.COMM_SELF, particles.position, np.ones(n))
     order = np.argsort(owned["id"])

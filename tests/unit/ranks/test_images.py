@@ -62,7 +62,7 @@ def test_images_of_tensors_are_reflected(dimension):
         p.add_field(Field(name, len(along), "", axes=along))
     images = Images(p, {(1, -1): 0.5}, {})
     owned = {f.name: np.full(1 if f.columns is None else (1, f.columns), 0.2).astype(f.dtype) for f in p.migrating()}
-    p.replace(owned, 0)
+    p.replace(dict(owned), 0)
     p.replace(owned, images.find(p, 2.0))
     for name in axes:
         getattr(p, name)[0] = rng.normal(size=len(axes[name]))

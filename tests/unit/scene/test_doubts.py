@@ -21,6 +21,19 @@ def test_a_sound_scene_leaves_none(scene_of):
     assert doubts(scene_of()) == []
 
 
+def test_outputs_that_one_rank_would_write_for_long(scene_of, monkeypatch):
+    scene = scene_of(output={"fields": ["stress", "velocity", "material"]})
+    sim = build(parse_scene(scene), MPI.COMM_SELF)
+    size = 8 * (1 + 3 + 6 + 3 + 1) * sim.particles.owned  # id, place and fields, as they are stored
+    monkeypatch.setattr("periporo.core.scene.doubts._LARGE", size + 1)
+    assert doubts(scene) == []
+    monkeypatch.setattr("periporo.core.scene.doubts._LARGE", size)
+    (text,) = doubts(scene)
+    assert text.startswith(f"an output has {size / 1e9:.2g} GB, and rank 0 writes it alone")
+    scene["output"]["parts"] = 2
+    assert doubts(scene) == []
+
+
 def test_soft_soil_is_judged_by_the_soil_above_it(scene_of):
     """Two blocks on the same floor level, one of them on a terrace: 0.24 m stand there, not 1.2 m."""
     soft = {"model": "elastic", "density": 2000.0, "bulk_modulus": 5e4, "shear_modulus": 3e4}
