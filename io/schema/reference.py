@@ -161,8 +161,8 @@ def _laws(page_of: dict[str, str]) -> str:
 
 def _law(name: str, node: dict[str, Any], page_of: dict[str, str]) -> str:
     """The section on the keys of a law with the schema `node`."""
-    description = _wrapped(node.get("description", "").split("\n\n")[0])
-    return f"{'##' if name == _APART else '###'} `model: {name}`\n\n{description}\n\n{_table(parameters_of(node), page_of)}"
+    level, description = "##" if name == _APART else "###", _wrapped(node.get("description", "").split("\n\n")[0])
+    return f"{level} `model: {name}`\n\n{description}\n\n{_table(parameters_of(node), page_of)}"
 
 
 def _order(names: tuple[str, ...], schema: dict[str, Any]) -> list[str]:

@@ -62,7 +62,7 @@ def test_a_sparse_field_takes_memory_where_it_is_not_zero():
     particles, owned = filled()
     particles.add_field(Field("touch", 2, "m", sent=False, sparse=True))
     owned["touch"] = np.zeros((4, 2))
-    particles.replace(owned, 3)
+    particles.replace(dict(owned), 3)
     assert particles.touch.shape == (4, 2) and not particles.touch.flags.writeable
     few = particles.take(np.array([2, 0]))["touch"]
     more = joined(few, np.zeros((3, 2)))
