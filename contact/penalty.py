@@ -49,11 +49,13 @@ def guide_points(rows, gap, normal, reach, cell, room, part, way, lift, dim):
     """What leads points along the normal goes from `way` to `lift`, see `periporo.contact.rigid.RigidContact.guide`."""
     for k in range(rows.shape[0]):
         i = rows[k]
-        if i >= part.shape[0] or not part[i] > 0.0 or not gap[k] - reach < max(cell[i, 0], cell[i, 1]):
-            continue  # it sleeps, or does not flow, or is not held
+        if i >= part.shape[0] or not part[i] > 0.0:
+            continue  # it sleeps, or does not flow
         along = 0.0
         for a in range(len(dim)):
             along += way[i, a] * normal[k, a]
+        if not gap[k] + min(along, 0.0) - reach < max(cell[i, 0], cell[i, 1]):
+            continue  # it is not held, nor would be
         up = max(along, min(room[i] - gap[k], 0.0)) + part[i] * max(room[i] - gap[k], 0.0)
         for a in range(len(dim)):
             way[i, a] -= along * normal[k, a]

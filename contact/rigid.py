@@ -238,7 +238,7 @@ class RigidContact:
         return rows[held], gap[held], np.ascontiguousarray(normal[held])
 
     def guide(self, p: Particles, room, part, way: np.ndarray, lift: np.ndarray) -> None:
-        """Rearrange the points that it holds, whose faces stay where they are.
+        """Rearrange the points that it holds, or that their way would lead to it; their faces stay where they are.
 
         Of the `way` (awake, d) m of these points what leads along the normal goes to `lift` (awake, d) m, not nearer to
         the surface than `room` (awake,) m; and a point that is nearer is lifted by `part` (awake,) of what is missing,

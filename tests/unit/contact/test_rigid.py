@@ -125,17 +125,18 @@ def test_a_cell_that_began_squeezed_gets_its_reach_back_without_a_push():
 
 
 def test_points_that_are_guided_keep_their_force():
+    """So do those off the surface, if their way leads to it: the last would overlap by .02 H of its own accord."""
     contact = coulomb()
-    rig = Rig(contact, [[0.0, 0.4 * H], [1.0, 0.45 * H], [2.0, 0.49 * H], [3.0, 0.7 * H]])
+    rig = Rig(contact, [[0.0, 0.4 * H], [1.0, 0.45 * H], [2.0, 0.49 * H], [3.0, 0.7 * H], [4.0, 0.51 * H]])
     rig.evaluate(0.0)
     before = rig.p.contact_force.copy()
-    way, lift = np.tile([0.02 * H, -0.03 * H], (4, 1)), np.zeros((4, 2))
-    contact.guide(rig.p, np.full(4, 0.48 * H), np.array([0.5, 0.0, 0.5, 0.5]), way, lift)
-    assert way == pytest.approx(np.array([[0.02, 0.0], [0.02, -0.03], [0.02, 0.0], [0.02, -0.03]]) * H)
-    assert lift == pytest.approx(np.array([[0.0, 0.04], [0.0, 0.0], [0.0, -0.01], [0.0, 0.0]]) * H)
+    way, lift = np.tile([0.02 * H, -0.03 * H], (5, 1)), np.zeros((5, 2))
+    contact.guide(rig.p, np.full(5, 0.48 * H), np.array([0.5, 0.0, 0.5, 0.5, 0.5]), way, lift)
+    assert way == pytest.approx(np.array([[0.02, 0], [0.02, -0.03], [0.02, 0], [0.02, -0.03], [0.02, 0]]) * H)
+    assert lift == pytest.approx(np.array([[0, 0.04], [0, 0], [0, -0.01], [0, 0], [0, -0.03]]) * H)
     rig.p.position += lift
     rig.evaluate(0.0)
-    assert before[0, 1] > 0.0
+    assert before[0, 1] > 0.0 and before[4, 1] == 0.0
     assert rig.p.contact_force == pytest.approx(before, abs=1e-9 * K * H)
 
 
