@@ -232,7 +232,8 @@ class Index:
         begin = {name: int(self.steps[name][last]) for name in ("PointOffsets", "CellOffsets", "ConnectivityIdOffsets")}
         cells += begin["CellOffsets"]
         ids += begin["ConnectivityIdOffsets"]
-        if parts.stop == last + 1 and not self.steps["ConnectivityIdOffsets"][: self.count].any():
+        alone = parts.stop == last + 1 and parts.start == last  # each output with one part of its own
+        if alone and not self.steps["ConnectivityIdOffsets"][: self.count].any():
             ids = int(self.grid["NumberOfConnectivityIds"][: parts.stop].max())  # before 0.2.0 all shared the longest
         return dict.fromkeys(COUNTS, parts.stop) | {
             "Connectivity": ids, "Offsets": cells + parts.stop, "Types": cells, "rows": begin["PointOffsets"] + points,

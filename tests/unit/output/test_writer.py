@@ -322,6 +322,18 @@ def test_obstacles_follow_the_points(tmp_path, parts):
     assert same_datasets(tmp_path / "run.vtkhdf", cut) > 20
 
 
+def test_obstacles_that_outputs_share_outlast_a_resume(tmp_path):
+    path, ids = tmp_path / "run.vtkhdf", np.arange(5)
+    options = {"dimension": 2, "fields": FIELDS, "obstacles": True}
+    for first, last, resume in ((0, 3, None), (2, 4, 1)):
+        with ResultWriter(path, MPI.COMM_SELF, resume_step=resume, **options) as writer:
+            for k in range(first, last):
+                writer.write(float(k), k, ids, *values_at(ids, k), SQUARE)
+    assert seen_by_vtk(path, [(5, SQUARE)] * 4) == 4
+    with h5py.File(path) as file:
+        assert len(file["VTKHDF/Types"]) == 5 + 1 and not file["VTKHDF/Steps/PartOffsets"][:].any()
+
+
 def same_datasets(first, second):
     """Check that two files hold the same; the number of datasets."""
     with h5py.File(first) as a, h5py.File(second) as b:
