@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics.algebra import DIMENSION, LANES
 from periporo.core.numerics.elasticity import add_elastic
-from periporo.core.numerics.jit import kernel
+from periporo.core.numerics.jit import inlined, kernel
 from periporo.core.numerics.tensors import dimension_of
 from periporo.core.points.material import OPENED, StateField
 from periporo.materials.base import MaterialParameters, units
@@ -140,6 +140,11 @@ def _dim_of(stress) -> tuple[float, ...]:
 
 @kernel
 def _advance(bulk, shear, least, largest, slowness, stress, strain_increment, state, reports, dim):
+    _return_rows(bulk, shear, least, largest, slowness, stress, strain_increment, state, reports, dim)
+
+
+@inlined
+def _return_rows(bulk, shear, least, largest, slowness, stress, strain_increment, state, reports, dim):
     """Hooke's law and return of all rows; `slowness` times sqrt(P) is G dt times the rate of shear at which I = I_0.
 
     With S = sqrt(J2) of the trial, a = slowness sqrt(P) and t = sqrt(J2) after the step, t = P mu(I) and G gamma' dt
@@ -185,4 +190,4 @@ def _advance_each(numbers, dt, stress, strain_increment, state, reports, dim):
     """`_advance` where rows have `numbers` (n, 5) of their own, with the slowness of a time step of 1 s."""
     for b in range(stress.shape[0]):
         n, own = numbers[b], slice(b, b + 1)
-        _advance(n[0], n[1], n[2], n[3], dt * n[4], stress[own], strain_increment[own], state[own], reports, dim)
+        _return_rows(n[0], n[1], n[2], n[3], dt * n[4], stress[own], strain_increment[own], state[own], reports, dim)

@@ -171,7 +171,7 @@ class PointState(Standard):
             regularity.describe(block, p, self._dt, viscous=not self._is_quasi_static)
         exchanging = [block for block in flowing if block.exchanges]
         if exchanging or not self.sharpened:
-            halo.update(p, "link", "flow", "flow_stress", "mean_slope")
+            halo.update(p, "link", "flow", "flow_stress")
         else:  # stress stays, so that it may go with the same message
             self._show_stress(p, bonds)
             halo.update(p, "link", "flow", "seen")

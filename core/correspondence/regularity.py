@@ -11,10 +11,9 @@ to the *activity* a of the points, a running mean of the part of the trial stres
   flows makes room for itself in the soil beneath, which becomes a tenth denser). Obstacles are mirrors. The work of
   gravity and contact on these ways is booked.
 - **Exchange** of stress and of opened volume between neighbours of one material, which takes their differences away
-  (diffusion of pressure, Molteni & Colagrossi 2009; of stress, Feng et al. 2021), of the mean stress those from its
-  local slope (Antuono et al. 2010 for the density of SPH). Sums over the points are kept. Only laws that say
-  `exchanges_stress` take part: stress is all that they remember. A law that hardens would be strained by what it is
-  given.
+  (diffusion of pressure, Molteni & Colagrossi 2009; of stress, Feng et al. 2021). Sums over the points are kept, an
+  average of admissible stresses is admissible, and elastic energy only falls. Only laws that say `exchanges_stress`
+  take part: stress is all that they remember. A law that hardens would be strained by what it is given.
 - **Bulk viscosity**, q = VISCOSITY rho c l (tr L less its mean over the neighbours) with the size l (von Neumann &
   Richtmyer 1950; Monaghan 1992), which takes sound from the grid's scale and does not feel an even change of volume.
 
@@ -33,8 +32,7 @@ EXCHANGE = 1.8  # part of a difference that the exchange takes away, per Courant
 MOST_EXCHANGED = 0.9  # of a difference, in one step
 SHEAR_SHARE = 0.3  # of the exchange for the deviator
 VISCOSITY = 0.2  # of rho c l
-SLOPE = 0.8  # part of the local slope of the mean stress that is no difference
-RISE, FADE = 0.075, 0.005  # of the activity towards its goal, per Courant number
+MEMORY = 0.075  # of the activity, per Courant number
 QUIET = 1e-6  # activity that counts as none
 SENSITIVITY = 0.1  # part of the trial stress that a law takes away in a step, over what it keeps, for a half
 NEAREST = 1.02  # size of points, over the side of a cube of their volume, below which they move apart
@@ -50,7 +48,6 @@ def fields(dimension: int, components: int) -> tuple[Field, ...]:
     return (
         Field("flow", 5, "Pa, 1, m, 1, 1"),
         Field("flow_stress", components, "Pa", migrates=False, axes=tensor(dimension)),
-        Field("mean_slope", dimension, "Pa/m", axes=vector(dimension)),  # of the mean stress, one step old
         Field("rearrangement", dimension, "m", axes=vector(dimension)),
         Field("exchanged_strain", None, "1", sent=False),
         Field("flow_work", len(FLOW_WORK), "J", sent=False),
@@ -76,13 +73,12 @@ def exchange(p, pairs, blocks) -> None:
 
     `blocks` are those of laws that exchange stress, for it is all that they remember.
     """
-    stress, mean, slope = np.zeros_like(p.flow_stress), np.zeros(p.total), np.zeros_like(p.mean_slope)
+    stress, mean = np.zeros_like(p.flow_stress), np.zeros(p.total)
     p.rearrangement[:] = p.exchanged_strain[:] = 0.0
     _exchange(
-        pairs.first, pairs.second, pairs.weight, p.position, p.material, p.volume, p.link, p.flow, p.flow_stress,
-        p.mean_slope, stress, mean, slope, p.rearrangement, p.dim,
+        pairs.first, pairs.second, pairs.weight, p.position, p.material, p.link, p.flow, p.flow_stress, stress,
+        mean, p.rearrangement, p.dim,
     )  # fmt: skip
-    _close_slopes(p.awake, p.shape_inverse, slope, p.mean_slope, p.dim)
     for block in blocks:
         bulk, shear = block.elastic_moduli()
         limit = block.material.tension_limit(block.stress, block.state)
@@ -164,8 +160,7 @@ def _describe(
         size, speed, density = _measures(i, link[i, 0], mass, volume, share, position, width, dim)
         courant = dt * speed / size
         lost = 1.0 - link[i, 1]
-        missing = lost / (lost + SENSITIVITY * link[i, 1]) - activity[i]
-        activity[i] += min((RISE if missing > 0.0 else FADE) * courant, 1.0) * missing
+        activity[i] += min(MEMORY * courant, 1.0) * (lost / (lost + SENSITIVITY * link[i, 1]) - activity[i])
         if activity[i] < QUIET:
             activity[i] = 0.0
         for c in range(stress.shape[1]):
@@ -194,12 +189,9 @@ def _shear_rate(g):
 
 @kernel
 def _exchange(
-    first, second, weight, position, material, volume, link, flow, flow_stress, old_slope, stress, mean, slope,
-    rearrangement, dim,
-):  # fmt: skip
-    """What is exchanged, moments of the mean stress for its slope, and ways, of all points."""
-    like, last, last_near = la.zero_symmetric(dim), -1, -1
-    own, own_near = vectors.zero(like), vectors.zero(dim)
+    first, second, weight, position, material, link, flow, flow_stress, stress, mean, rearrangement, dim
+):
+    components = len(la.zero_symmetric(dim))
     for b in range(first.shape[0]):
         i, j = first[b], second[b]
         w = weight[b]
@@ -218,19 +210,15 @@ def _exchange(
         if c == 0.0:
             continue
         if gives:
-            p_i, p_j = flow[i, SIGNED], flow[j, SIGNED]
-            change = min(p_j, max(-p_i, 0.0)) - min(p_i, max(-p_j, 0.0))
-            moment = w * (min(p_j, 0.0) - min(p_i, 0.0))
-            last_near, own_near = vectors.add_to_ends(
-                slope, i, j, xi * (moment * volume[j]), xi * (moment * volume[i]), last_near, own_near
-            )
-            if p_i < 0.0 and p_j < 0.0:
-                change -= SLOPE * _rise(flow[i, ACTIVITY], flow[j, ACTIVITY], old_slope, i, j, xi)
             k = 0.5 * a * c * part
-            mean[i] += k * change
-            mean[j] -= k * change
-            to_i = (vectors.row(flow_stress, j, like) - vectors.row(flow_stress, i, like)) * k
-            last, own = vectors.add_to_ends(stress, i, j, to_i, to_i * -1.0, last, own)
+            p_i, p_j = flow[i, SIGNED], flow[j, SIGNED]
+            change = k * (min(p_j, max(-p_i, 0.0)) - min(p_i, max(-p_j, 0.0)))
+            mean[i] += change
+            mean[j] -= change
+            for e in range(components):
+                change = k * (flow_stress[j, e] - flow_stress[i, e])
+                stress[i, e] += change
+                stress[j, e] -= change
         if close:
             r = np.sqrt(square)
             overlap = 0.5 * (size - r) / r
@@ -238,21 +226,6 @@ def _exchange(
                 way = overlap * (position[j, e] - position[i, e])
                 rearrangement[i, e] -= flow[i, MOVED] * way
                 rearrangement[j, e] += flow[j, MOVED] * way
-
-
-@inlined
-def _rise(active_i, active_j, slope, i, j, xi):
-    """From i to j by the slopes of both, of which that of a point at rest may be unknown."""
-    both = vectors.row(slope, i, xi) * active_i + vectors.row(slope, j, xi) * active_j
-    return vectors.dot(both, xi) / (active_i + active_j)
-
-
-@kernel
-def _close_slopes(owned, shape_inverse, moments, slope, dim):
-    """Slopes of the mean stress from its moments; zero of degenerate points."""
-    for i in range(owned):
-        inverse = vectors.row(shape_inverse, i, la.shape_at(shape_inverse, i, 0, dim))
-        vectors.put(slope, i, vectors.apply(vectors.full(inverse), vectors.row(moments, i, dim)))
 
 
 @kernel

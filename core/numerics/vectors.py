@@ -162,8 +162,8 @@ def trace(typingctx, a):
 
 @intrinsic
 def full(typingctx, s):
-    """In-space part of a symmetric tensor (4|6), or a symmetric d x d matrix (3|6), as a matrix."""
-    places = {3: [0, 2, 2, 1], 4: [0, 3, 3, 1], 6: [0, 3, 5, 3, 1, 4, 5, 4, 2]}[s.size]
+    """In-space part of a symmetric tensor (4|6) as a matrix."""
+    places = {4: [0, 3, 3, 1], 6: [0, 3, 5, 3, 1, 4, 5, 4, 2]}[s.size]
 
     def code(context, builder, signature, arguments):
         return picked(builder, arguments[0], filled(places))

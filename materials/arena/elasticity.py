@@ -118,6 +118,11 @@ def moduli(m, c, fluid, i1, p, evp, compressing):
 @kernel
 def fill_moduli(elasticity, pores, i1, p, evp, content, bulk, shear):
     """Fill `bulk` and `shear` (n,) Pa of the total stress from effective I1, pore pressure, plastic strain, content."""
+    _fill(elasticity, pores, i1, p, evp, content, bulk, shear)
+
+
+@inlined
+def _fill(elasticity, pores, i1, p, evp, content, bulk, shear):
     m = unpack_elasticity(elasticity)
     c = unpack_pores(pores)
     for b in range(i1.shape[0]):
@@ -131,4 +136,4 @@ def fill_each_moduli(elasticity, pores, i1, p, evp, content, bulk, shear):
     """`fill_moduli` where rows have constants of their own, (n, ...) arrays."""
     for b in range(i1.shape[0]):
         own = slice(b, b + 1)
-        fill_moduli(elasticity[b], pores[b], i1[own], p[own], evp[own], content[own], bulk[own], shear[own])
+        _fill(elasticity[b], pores[b], i1[own], p[own], evp[own], content[own], bulk[own], shear[own])

@@ -178,6 +178,11 @@ def _start(c, m, y_all, strength, columns, stress, increment, state, b, componen
 
 @kernel
 def _advance_elastic(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt, left):
+    return _elastic_rows(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt, left)
+
+
+@inlined
+def _elastic_rows(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt, left):
     """Advance the rows that stay elastic; the numbers of the others come into `left` (n,), their count is returned."""
     m, c, control = unpack_elasticity(elasticity), unpack_pores(pores), unpack_control(controls)
     y_all, strength = unpack_surface(surface), unpack_strength(strengths)
@@ -225,6 +230,11 @@ def _advance_elastic(elasticity, pores, surface, strengths, controls, columns, s
 
 @kernel
 def _advance_plastic(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt, left):
+    return _plastic_rows(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt, left)
+
+
+@inlined
+def _plastic_rows(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt, left):
     """Advance the rows with the numbers `left`; those whose update fails stay as they were, and are returned."""
     m, c, control = unpack_elasticity(elasticity), unpack_pores(pores), unpack_control(controls)
     y_all, strength = unpack_surface(surface), unpack_strength(strengths)
@@ -292,8 +302,8 @@ def update_each(elasticity, pores, surface, strengths, controls, columns, stress
     for b in range(stress.shape[0]):
         own = slice(b, b + 1)
         e, c, y, s, k = elasticity[b], pores[b], surface[b], strengths[b], controls[b]
-        found = _advance_elastic(e, c, y, s, k, columns, stress[own], increment[own], state[own], dt, left)
+        found = _elastic_rows(e, c, y, s, k, columns, stress[own], increment[own], state[own], dt, left)
         failed[b] = False
         if found > 0:
-            gone = _advance_plastic(e, c, y, s, k, columns, stress[own], increment[own], state[own], dt, left)
+            gone = _plastic_rows(e, c, y, s, k, columns, stress[own], increment[own], state[own], dt, left)
             failed[b] = len(gone) > 0

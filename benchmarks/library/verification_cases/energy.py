@@ -85,8 +85,9 @@ class _StressPower:
         """Ids of the rows' ends in one number, ascending, and the rows' volumes, of every block and the links."""
         found = []
         for rows in self.sim.bonds.carriers:
-            ids, place = rows.layout.keys(rows, self.sim.bonds.pairs)
-            found.append((ids[place, 0] << 32 | ids[place, 1], row_volumes(self.sim, rows)))
+            keys, place = rows.layout.keys(rows, self.sim.bonds.pairs)
+            ids = keys[place]
+            found.append((ids[:, 0] << 32 | ids[:, 1], row_volumes(self.sim, rows)))
         return found
 
     def _add_force_and_power(self, particles, bonds, *rest):

@@ -100,23 +100,6 @@ def test_exchange_keeps_the_sum_of_stress_and_only_takes_energy(sheared):
     assert (root + eta * mean - strength < 1e-9).all()
 
 
-def test_a_slope_of_the_mean_stress_is_hardly_a_difference(sheared):
-    """Else pressure goes from below to what lies free, which is pushed out, and a crest creeps."""
-    sim = sheared
-    p, block = sim.particles, sim.bonds.blocks[0]
-    stress = block.stress.copy()
-    stress[:, :3] = (-1000.0 + p.position[:64] @ [2e3, 5e3])[:, None]
-    gone = []
-    for _ in range(2):  # without slopes, and with them
-        block.stress[:] = stress
-        sim.scheme.deform(p, sim.bonds, sim.halo, 0.0, 0.0)
-        regularity.describe(block, p, 1e-5, viscous=False)
-        regularity.exchange(p, sim.bonds.pairs, [block])
-        gone.append(p.exchanged_strain[:64].copy())
-    assert p.mean_slope[:64] == pytest.approx(np.tile([2e3, 5e3], (64, 1)), rel=1e-9)
-    assert gone[1] == pytest.approx((1.0 - regularity.SLOPE) * gone[0], rel=0.01, abs=1e-3 * np.abs(gone[0]).max())
-
-
 def test_points_that_shear_move_away_from_those_too_close_and_soil_at_rest_stays(sheared):
     sim = sheared
     p = sim.particles
