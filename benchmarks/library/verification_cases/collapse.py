@@ -37,10 +37,10 @@ def fallen(spacing, scheme, observers=(), jitter=0.0, **keys):
     return sim
 
 
-def _deposit(spacing, scheme):
+def _deposit(spacing, scheme, seed):
     """Run-out and height over half of the width, last kinetic energy over its peak, rebuilds, ledger error."""
     peak = _Peak()
-    sim = fallen(spacing, scheme, [peak])
+    sim = fallen(spacing, scheme, [peak], jitter=1e-6, seed=seed)
     x = owned(sim, "position")
     connected = owned(sim, "share")[:, 1] > 0.0
     front = np.quantile(np.abs(x[connected, 0]), 0.99) + spacing / 2.0
@@ -50,15 +50,18 @@ def _deposit(spacing, scheme):
     return front / 0.05, height / 0.05, sim.ledger.kinetic() / peak.kinetic, sim.rebuild_count, unexplained
 
 
+SEEDS = (1, 2)  # a collapse is chaotic: one draw at 5 mm is up to a tenth off the mean
 RUN_OUT = 3.29  # over half of the width with a spacing of 2.5 mm, from the full size of this case
 
 
 def collapse(full=False, scheme=DEFAULT):
     """Collapse: a dry column of height and width 0.1 m falls and comes to rest, independent of the spacing."""
-    deposits = np.array([_deposit(spacing, scheme) for spacing in ((0.005, 0.0025) if full else (0.005,))])
-    run_out, height, kinetic, rebuilds, unexplained = deposits.T
+    spacings = (0.005, 0.0025) if full else (0.005,)
+    draws = np.array([[_deposit(spacing, scheme, seed) for seed in SEEDS] for spacing in spacings])
+    run_out, height = draws[:, :, :2].mean(axis=1).T
+    kinetic, rebuilds, unexplained = draws[:, :, 2:].reshape(-1, 3).T
     figures = []
-    for k, name in enumerate(("5 mm", "2.5 mm")[: len(deposits)]):
+    for k, name in enumerate(("5 mm", "2.5 mm")[: len(spacings)]):
         figures.append(Figure(f"run-out / half-width, {name}", run_out[k]))
         figures.append(Figure(f"height / half-width, {name}", height[k]))
     fine = run_out[1] if full else RUN_OUT

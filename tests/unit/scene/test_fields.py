@@ -121,7 +121,8 @@ LAWS = [
 @pytest.mark.parametrize("components", [4, 6])
 @pytest.mark.parametrize("law, bounds", LAWS, ids=lambda v: type(v).__name__)
 def test_each_row_follows_its_own_law(law, bounds, components):
-    """As the law does with the row alone, to rounding, which Arena's substeps enlarge."""
+    """As the law does with the row alone, to rounding, by which Arena may take other substeps."""
+    close = 1e-4 if isinstance(law, Arena) else 1e-12
     rng, n = np.random.default_rng(3), 12
     names = tuple(bounds)
     values = np.stack([rng.uniform(*bounds[name], n) for name in names], axis=1)
@@ -147,10 +148,10 @@ def test_each_row_follows_its_own_law(law, bounds, components):
             memory, own.initial_state(row.copy(), ids[k : k + 1], np.full(1, 1e-3))
         )  # fmt: skip
         own.compute_stress(row, strain[k : k + 1].copy(), memory, 1e-3)
-        np.testing.assert_allclose(after[k : k + 1], row, rtol=1e-8)
-        np.testing.assert_allclose(kept[k : k + 1], memory, rtol=1e-8, atol=1e-15)
+        np.testing.assert_allclose(after[k : k + 1], row, rtol=close, atol=1e-9)
+        np.testing.assert_allclose(kept[k : k + 1], memory, rtol=close, atol=1e-15)
         for mine, whole in zip(own.elastic_moduli(row, memory), moduli, strict=True):
-            np.testing.assert_allclose(whole[k], mine[0], rtol=1e-8)
+            np.testing.assert_allclose(whole[k], mine[0], rtol=close)
     weaker = varied.weakened(1.3) if hasattr(law, "weakened") else None
     if weaker is not None:
         assert weaker.part([3]).law(values[3]) == make(values[3]).weakened(1.3)
