@@ -14,22 +14,20 @@ from periporo.core.correspondence.point_state import PointState
 from periporo.core.correspondence.standard import Standard
 from periporo.core.correspondence.sub_horizon import SubHorizon
 from periporo.core.correspondence.sub_horizon_published import SubHorizonPublished
-from periporo.core.loads.absorbing import Absorbing
-from periporo.core.loads.boundary import Gravity, PrescribedMotion, Traction, ViscousDamping, without_overlaps
+from periporo.core.loads.boundary import Traction
 from periporo.core.loads.reactions import BoundaryReactions
-from periporo.core.loads.tied import Tied
 from periporo.core.motion.added_inertia import AddedInertia
 from periporo.core.motion.dissipation import PlasticDissipation, reports
 from periporo.core.motion.nonlocal_strain import NonlocalStrain, averaged
 from periporo.core.motion.quasi_static import QuasiStaticStage
 from periporo.core.motion.sleep import Sleep
-from periporo.core.motion.stages import DynamicsStage, RelaxStage
+from periporo.core.motion.stages import RelaxStage
 from periporo.core.motion.timestep import StableTimeStep
 from periporo.core.points import fields
 from periporo.core.points.departures import Departures
 from periporo.core.points.extent import Extent
 from periporo.core.points.particles import RING, Field, Particles
-from periporo.core.scene.boundaries import build_boundary, hold, middle_of, region_corners
+from periporo.core.scene.boundaries import middle_of, region_corners
 from periporo.core.scene.construction import bodies_at_start, build_constructions
 from periporo.core.scene.contacts import (
     build_bodies_contact,
@@ -46,12 +44,11 @@ from periporo.core.scene.geostatic import GeostaticStress, uniform_stress
 from periporo.core.scene.grounds import share_grounds
 from periporo.core.scene.images import build_images
 from periporo.core.scene.points import PointMaker
+from periporo.core.scene.stages import build_stage, flying_bodies
 from periporo.core.scene.water import build_water, refuse_inner_inflows, wetted
 from periporo.core.simulation import Simulation
 from periporo.core.watch.reactions import Reactions
 from periporo.core.watch.strength import StrengthReductionStage
-from periporo.core.water.boundaries import WaterBoundary
-from periporo.core.water.flow import FlowingWater
 from periporo.errors import InputError, Problem
 from periporo.io.geometry import lattice as geometry
 from periporo.io.geometry.origin import relative, scene_origin
@@ -91,7 +88,7 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
         sim.bonds.initial_stress = stress if images is None else lambda places: stress(images.within(places))
         sim.bonds.initial_stress_is_total = water is not None and scene.initial_stress.type == "geostatic"
     free_water = [] if water is None or water.free is None else [water.free]
-    sim.stages = [_stage(scene, sim, stage, contacts, free_water, lattices) for stage in scene.stages]
+    sim.stages = [build_stage(scene, sim, stage, contacts, free_water, lattices) for stage in scene.stages]
     if any(stage.inflows for stage in sim.stages):
         sim.preparations.append(lambda sim: refuse_inner_inflows(scene, sim))
     build_constructions(scene, sim, lattices, maker)
@@ -193,7 +190,7 @@ def _place_points(scene, sim, water, lattices) -> PointMaker:
     """Place the points that are there at the start; what places those that come later."""
     comm, materials = sim.comm, sim.materials
     parameters = _parameter_fields(scene, materials, lattices, sim)
-    flying = [body for body, _ in _flying(scene)]
+    flying = [body for body, _ in flying_bodies(scene)]
     maker = PointMaker(scene, sim.particles, materials, water, lattices, flying, parameters)
     first = bodies_at_start(scene)
     sim.particles.replace(agreed(comm, lambda: maker.part_of(comm, first)), 0)
@@ -260,58 +257,3 @@ def output_names(scene, sim) -> tuple[str, ...]:
             allowed = ", ".join(sorted(known))
             raise InputError("scene", [Problem(("output", "fields"), f"no field '{name}'; this scene has: {allowed}")])
     return tuple(names)
-
-
-def _stage(scene, sim, stage, contacts, free_water, lattices):
-    motions, ties, loads, inflows = [], [], [*free_water], []
-    if scene.gravity is not None:
-        loads.append(Gravity(scene.vector(scene.gravity)))
-    for name in stage.boundaries:
-        boundary = build_boundary(scene, name, lattices, stage.type not in STILL, sim.comm)
-        if isinstance(boundary, Tied):
-            ties.append(boundary)
-            continue
-        if isinstance(boundary, Absorbing):
-            boundary.attach(sim.particles, sim.forces)
-        kind = motions if isinstance(boundary, PrescribedMotion) else loads
-        (inflows if isinstance(boundary, WaterBoundary) else kind).append(boundary)
-    flying = _flying(scene) if stage in scene.stages[: _first_motion(scene) + 1] else []
-    if stage.type in STILL:
-        motions += [hold(lattices[body]) for body, _ in flying]  # until their first motion
-    motions = without_overlaps(motions)
-    motions += [tie.beside(motions) for tie in ties]
-    present = [c for model, c in contacts if is_present(model, stage)]
-    if stage.type == "relax":
-        sides = np.array([(lattice.upper - lattice.lower).min() for lattice in lattices])
-        return RelaxStage(
-            stage.name, motions, present, loads, inflows, stage.tolerance, stage.max_steps,
-            np.maximum(stage.max_displacement * sides, scene.spacing), tuple(b.name for b in scene.bodies),
-            stage.reset_displacement,
-        )  # fmt: skip
-    if stage.type == "quasi_static":
-        increments = next(part for part in sim.point_processes if isinstance(part, FlowingWater)).increments
-        return QuasiStaticStage(
-            stage.name, motions, present, loads, inflows, stage.duration, stage.accuracy, stage.tolerance,
-            stage.max_steps, increments,
-        )  # fmt: skip
-    if stage.damping.viscous > 0.0:
-        loads.append(ViscousDamping(stage.damping.viscous, lambda: sim.dt))
-    if stage.type == "strength_reduction":
-        speed = stage.moving * float(np.linalg.norm(scene.vector(scene.gravity))) / stage.damping.viscous
-        trials = {"trial": stage.trial, "speed": speed, "accuracy": stage.accuracy, "largest": stage.largest}
-        return StrengthReductionStage(stage.name, motions, present, loads, inflows, **trials)
-    dynamics = DynamicsStage(stage.name, motions, present, loads, inflows, stage.duration, stage.stop_when_at_rest)
-    dynamics.launches = flying
-    return dynamics
-
-
-def _first_motion(scene) -> int:
-    """Number of the first stage in which bodies move, or of stages if there is none."""
-    return next((k for k, stage in enumerate(scene.stages) if stage.type == "dynamics"), len(scene.stages))
-
-
-def _flying(scene) -> list[tuple[int, np.ndarray]]:
-    """Bodies (number, velocity (d,) m/s) that are held until their first motion, since relaxation comes before it."""
-    if _first_motion(scene) == 0:
-        return []
-    return [(k, scene.vector(body.velocity)) for k, body in enumerate(scene.bodies) if any(body.velocity or ())]
