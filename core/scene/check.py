@@ -9,12 +9,17 @@ from periporo.core.scene.build import build, output_names
 from periporo.core.scene.doubts import doubts_about
 from periporo.core.scene.fields import ParameterFields
 from periporo.core.scene.source import naming, read_everywhere
-from periporo.errors import SCREEN_LINES, SCREEN_WIDTH
+from periporo.errors import SCREEN_LINES, SCREEN_WIDTH, ContactError
 from periporo.io.schema.stages import STILL
+
+_TRIALS = 20  # steps
 
 
 def check_scene(path, comm) -> int:
-    """Build the scene and say what it will cost: points, bonds, memory, time step, steps, expected run time."""
+    """Build the scene and say what it will cost: points, bonds, memory, time step, steps, expected run time.
+
+    The exit status: 0, or 3 if a contact ends the first steps, as it would end a run.
+    """
     scene = read_everywhere(path, comm)
     with naming(path):
         sim = build(scene, comm)
@@ -24,11 +29,7 @@ def check_scene(path, comm) -> int:
         sim.start()
     doubts, fields = doubts_about(scene, sim), _fields(sim)
     sim.rate_independent = all(stage.type in STILL for stage in scene.stages)
-    sim.step()  # the first one measures the stable time step
-    began, trials = time.perf_counter(), 20
-    for _ in range(trials):
-        sim.step()
-    seconds = comm.allreduce((time.perf_counter() - began) / trials) / comm.size
+    seconds, ended = _try_steps(sim)
     points, pairs = comm.allreduce(sim.particles.owned), comm.allreduce(len(sim.bonds.pairs.first))
     slow = sum(stage.duration for stage in scene.stages if stage.type == "quasi_static")
     duration = sum(getattr(stage, "duration", 0.0) for stage in sim.stages) - slow
@@ -45,8 +46,23 @@ def check_scene(path, comm) -> int:
             *(("field", line) for line in fields),
         ]
         print(f"{path}: valid")
-        print("\n".join(_screen(facts, doubts)))
-    return 0
+        print("\n".join(_screen(facts, [*ended, *doubts])))
+    return 3 if ended else 0
+
+
+def _try_steps(sim) -> tuple[float, list[str]]:
+    """Time of a step, s, over ranks; and what ends a run within the first ones, on all ranks alike."""
+    done, began, ended = 0, time.perf_counter(), []
+    try:
+        sim.step()  # measures the stable time step
+        began = time.perf_counter()
+        while done < _TRIALS:
+            sim.step()
+            done += 1
+    except ContactError as error:
+        ended = [f"a run ends after {sim.step_number} steps: {error}"]
+    seconds = (time.perf_counter() - began) / max(done, 1)
+    return sim.comm.allreduce(seconds) / sim.comm.size, ended
 
 
 def _flow_and_motion(slow, duration, steps) -> list[tuple[str, str]]:

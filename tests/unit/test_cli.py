@@ -16,7 +16,7 @@ from mpi4py import MPI
 from periporo.core import cli
 from periporo.core.numerics import jit
 from periporo.core.simulation import Simulation
-from periporo.errors import SCREEN_LINES, SCREEN_WIDTH
+from periporo.errors import SCREEN_LINES, SCREEN_WIDTH, ContactError
 from periporo.io.input.examples import write_example
 from periporo.io.input.load import parse_scene
 
@@ -132,6 +132,21 @@ def test_check_says_what_a_scene_will_cost_and_writes_nothing(call, scene, tmp_p
     for word in ("scene.yaml: valid", "points        80,", "memory", "time step", "about", "run time"):
         assert word in out
     assert [p.name for p in tmp_path.iterdir()] == ["scene.yaml"]
+
+
+def test_check_tells_what_ends_the_first_steps_first(call, scene, monkeypatch):
+    """A point that passes a wall within them ends a run: so the status is that of the run, and the screen is whole."""
+    step = Simulation.step
+
+    def pass_a_wall(sim):
+        step(sim)
+        if sim.step_number == 3:
+            raise ContactError("contacts[0]: a point at (0, 0) has passed")
+
+    monkeypatch.setattr(Simulation, "step", pass_a_wall)
+    status, out, error = call("check", scene())
+    assert status == 3 and error == "" and "scene.yaml: valid" in out and "run time" in out
+    assert "a run ends after 3 steps: contacts[0]: a point at (0, 0) has passed" in " ".join(out.split())
 
 
 def test_check_tells_flow_in_equilibrium_from_motion(call, scene_of, tmp_path):
