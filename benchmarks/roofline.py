@@ -13,7 +13,8 @@ import time
 import numpy as np
 from numba import njit
 
-from periporo.core.correspondence import flux, kinematics, moments, point_state, sharpening
+from periporo.core.correspondence import flux, kinematics, moments, sharpening
+from periporo.core.correspondence.links import close_flux, strain_links
 
 from . import option_parser
 from .library.blocks import block
@@ -94,12 +95,12 @@ def kernels(sim) -> dict:
             lambda: law.material.compute_stress(law.stress, law.strain_increment, law.state, sim.dt),
             points, 8 * 3 * c),
         "links": (
-            lambda: point_state._strain_links(
+            lambda: strain_links(
                 pairs.first, pairs.second, pairs.weight, p.position, p.velocity, p.gradient, p.link, p.seen,
                 scheme.closest, sim.dt, links.active, links.stress, pull, p.flux, p.dim),
             near, ends + 8 + 1 + 24 + 2 * 8 * (2 * d + m + 4 + m) + 8 * 8 * m),
         "close flux": (
-            lambda: point_state._close_flux(
+            lambda: close_flux(
                 law.first, law.active, law.total_stress, p.volume, p.share, p.shape_inverse, p.flux, p.dim),
             points, 8 * (c + 1 + 3 + shape + 2 * m)),
         "force": (

@@ -7,13 +7,14 @@ from typing import ClassVar, Self
 import numpy as np
 
 from periporo.core.numerics import tensors
-from periporo.core.points.material import OPENED, StateField, UpdatesFailed, state_column, state_columns
+from periporo.core.points.material import OPENED, StateField, state_column, state_columns
 from periporo.materials.arena import pores as pore_space
 from periporo.materials.arena.constants import STRESS_FLOOR, Control, Elasticity, Pores, Strength, Surface, pack
-from periporo.materials.arena.elasticity import fill_each_moduli, fill_moduli
-from periporo.materials.arena.kernel import update_each, update_rows
+from periporo.materials.arena.elasticity import fill_moduli
+from periporo.materials.arena.kernel import update_rows
 from periporo.materials.arena.parameters import STRENGTHS, ArenaParameters
 from periporo.materials.arena.pores import fill_pores
+from periporo.materials.arena.rows import ArenaRows, tell_failed
 from periporo.materials.arena.state import (
     CONTENT,
     EVP,
@@ -184,7 +185,7 @@ class Arena(ArenaParameters):
     @classmethod
     def of_rows(cls, laws, components):
         """What answers for rows of which each has one of the `laws`."""
-        return _ArenaRows(laws)
+        return ArenaRows(laws)
 
     def initial_state(self, stress: np.ndarray, ids: np.ndarray, volume: np.ndarray) -> np.ndarray:
         """State (n, k) of rows that start at the total `stress` (n, 4|6) Pa.
@@ -239,7 +240,7 @@ class Arena(ArenaParameters):
         update fails: they keep their start state.
         """
         columns = self._columns[stress.shape[1]]
-        _tell_failed(update_rows(self._packed, columns, stress, strain_increment, state, float(dt)))
+        tell_failed(update_rows(self._packed, columns, stress, strain_increment, state, float(dt)))
 
     def elastic_moduli(self, stress, state):
         """Bulk and shear modulus of compressive unloading at the current state, two (n,) arrays in Pa."""
@@ -346,25 +347,3 @@ class Arena(ArenaParameters):
     @staticmethod
     def _invariants(stress):
         return 3.0 * tensors.mean(stress), 0.5 * tensors.deviator_norm(stress) ** 2
-
-
-class _ArenaRows:
-    """Rows with a law each."""
-
-    def __init__(self, laws):
-        self._law = laws[0]
-        self._constants = tuple(np.array(parts) for parts in zip(*(law._packed for law in laws), strict=True))
-
-    def compute_stress(self, stress, strain_increment, state, dt):
-        failed = np.empty(len(stress), np.bool_)
-        columns = self._law._columns[stress.shape[1]]
-        update_each(*self._constants, columns, stress, strain_increment, state, float(dt), failed)
-        _tell_failed(np.flatnonzero(failed))
-
-    def elastic_moduli(self, stress, state):
-        return self._law._moduli(fill_each_moduli, self._constants, stress, state)
-
-
-def _tell_failed(rows) -> None:
-    if len(rows):
-        raise UpdatesFailed(rows, "the return to the yield surface did not converge")
