@@ -26,6 +26,7 @@ from periporo.core.ranks.halo import Halo
 from periporo.core.ranks.reductions import any_rank
 from periporo.core.watch.observers import Callback
 from periporo.core.watch.timing import Timing
+from periporo.errors import InputError, Problem
 
 _MARGIN = 1.0 + 1e-9  # of the ghosts' reach, so that both ranks of a pair list it whatever the rounding
 _REMEMBERED = (
@@ -260,7 +261,7 @@ class Simulation:
         rebuild(self)
         self.dt, self.rate_independent = 0.0, True
         self.evaluate_forces()
-        self.confirm()
+        self._confirm_start()
         for prepare in self.preparations:
             prepare(self)
         for contact in self.contacts:
@@ -270,6 +271,13 @@ class Simulation:
         self.bonds.initial_stress = None  # from now on, a row without a past is a point that lands
         self.ledger = Ledger(self.comm, self.particles, None, self.departures, self.sleep, self.reactions)
         self.dt = self.time_step.choose(self)
+
+    def _confirm_start(self) -> None:
+        """Raise InputError, on all ranks alike, if a law cannot begin with the stress or the strength of its rows."""
+        try:
+            self.confirm()
+        except RefusedStep as refusal:
+            raise InputError("scene", [Problem(("materials",), f"no start for {refusal.reason}")]) from None
 
     def run(self, resumed: bool = False) -> None:
         """Go through all stages; from the middle of one, if the state was put back from a checkpoint."""

@@ -255,7 +255,10 @@ class Bonds:
             volume = 0.5 * (particles.volume[ends[0][alone]] + particles.volume[ends[1][alone]])
             ids, place = self.layout.keys(block, self.pairs)
             law = block.law_of(rows[alone])
-            state[alone] = law.initial_state(stress[alone], original(ids[place[rows[alone]]]), volume)
+            try:
+                state[alone] = law.initial_state(stress[alone], original(ids[place[rows[alone]]]), volume)
+            except ValueError as error:  # other ranks go on until all are asked: it counts as a refusal
+                block.refused = rows[alone], str(error)
         block.take(stress, np.zeros_like(stress), state, dt, rows)
         block.stress[rows], block.state[rows] = stress, state
 

@@ -85,6 +85,8 @@ class Material(Protocol):
         `ids` (n, 2) int64 are the global ids of the bond's ends (equal for a point), the only permitted
         source of random numbers; `volume` (n,) m^3 is the mean volume of the two ends (of the point itself), per
         metre of thickness in plane strain: the size of the specimen that the row is.
+
+        Raises ValueError, with the reason, where no state suits the stress: a run does not begin then.
         """
 
     def compute_stress(

@@ -165,9 +165,13 @@ def _p_wave_modulus(material):
 
 
 def moduli_without_stress(material) -> tuple[float, float]:
-    """Bulk and shear modulus of a material that bears no stress, Pa."""
+    """Bulk and shear modulus of a material that bears no stress, Pa. Raises InputError where it has no state."""
     stress = np.zeros((1, 6))
-    state = material.initial_state(stress, np.zeros((1, 2), np.int64), np.ones(1))
+    try:
+        state = material.initial_state(stress, np.zeros((1, 2), np.int64), np.ones(1))
+    except ValueError as error:
+        problem = Problem(("materials",), f"no start for {type(material).__name__}: {error}")
+        raise InputError("scene", [problem]) from None
     bulk, shear = material.elastic_moduli(stress, state)
     return float(bulk[0]), float(shear[0])
 

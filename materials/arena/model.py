@@ -226,7 +226,7 @@ class Arena(ArenaParameters):
             if bad.size:
                 b = bad[0]
                 raise ValueError(
-                    f"row {b} (ids {ids[b].tolist()}): strength factors {factors[b]} (size effect, Weibull draw) make "
+                    f"row {b} (ids {ids[b].tolist()}): strength factors {np.round(factors[b], 3)} of its draw make "
                     f"PEAKI1 = {peak[b]:.4g}, FSLOPE = {fslope[b]:.4g}, STREN = {stren[b]:.4g} and YSLOPE = "
                     f"{yslope[b]:.4g}, against the rules STREN > YSLOPE * PEAKI1, FSLOPE > YSLOPE; lower PEAKI1 or "
                     "weibull_reference_volume, or let the strengths draw alike (the same weibull_seed and _modulus)"
@@ -307,7 +307,8 @@ class Arena(ArenaParameters):
         derived = {"porosity": porosity, "saturation": saturation, "kappa": kappa}
         if self.do_damage:
             time = state[:, self._columns[stress.shape[1]][TIME]]
-            derived["coherence"] = 1.0 / (1.0 + np.exp(-self.fspeed * (1.0 - time / self.time_at_failure)))
+            fading = self.fspeed * (1.0 - time / self.time_at_failure)
+            derived["coherence"] = 0.5 * (1.0 + np.tanh(0.5 * fading))  # 1/(1 + exp(-fading)) that cannot overflow
         if not self.rate_dependent:
             derived["quasistatic_stress"] = stress.copy()
         return derived

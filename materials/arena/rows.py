@@ -29,4 +29,5 @@ class ArenaRows:
 def tell_failed(rows: np.ndarray) -> None:
     """Raise UpdatesFailed if there are any of these rows."""
     if len(rows):
-        raise UpdatesFailed(rows, "the return to the yield surface did not converge")
+        reason = "the return to the yield surface did not converge within its substeps; smaller steps may help"
+        raise UpdatesFailed(rows, reason)

@@ -94,7 +94,7 @@ def _follow_leg(point: MaterialPoint, leg: Leg, row: int, substeps: int) -> None
         try:
             _advance(point, increment.copy(), leg.control, target, leg.duration / steps, _MAX_HALVINGS)
         except StressNotReached:
-            raise PointStopped(_unreachable("")) from None
+            raise PointStopped(_unreachable(_stresses(point.total))) from None
 
 
 def _gradient_followed(point: MaterialPoint, path: DeformationPath, substeps: int):
@@ -138,6 +138,12 @@ def _missed(stress, wanted, controlled) -> str:
     values = zip(names, stress[controlled], wanted[controlled], strict=True)
     came = ", ".join(f"{n} came to {s:.6g} of {w:.6g} Pa" for n, s, w in values if abs(s - w) > 1e-6 * abs(w))
     return _unreachable(f", {came}")
+
+
+def _stresses(total) -> str:
+    """How far the stresses of a specimen came, compression positive."""
+    axial, radial = -total[1], -0.5 * (total[0] + total[2])
+    return f", axial stress came to {axial:.6g}, radial to {radial:.6g}, shear to {total[3]:.6g} Pa"
 
 
 def _unreachable(how_far: str) -> str:

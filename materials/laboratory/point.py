@@ -13,6 +13,7 @@ _WANTED = 1e-11  # error of a prescribed stress, of the largest stress or of 1e-
 _ACCEPTED = 1e-7  # the same, where a law's own tolerance stops Newton's method before
 _RANK = 1e-6  # singular values of a tangent that are smaller, relative to the largest, are noise
 _MAX_ITERATIONS = 40
+_MOST_RISES = 5  # of the error on the way: it may rise across a kink, as where the row begins to yield
 _MOST_HALVINGS = 10  # of a strain increment that the law refuses
 _LINE_SEARCH = 0.5 ** np.arange(8)
 
@@ -154,14 +155,18 @@ class MaterialPoint:
         bulk = float(self.material.elastic_moduli(self.stress, self.state)[0][0])
         scale = max(np.abs(self.stress).max(), np.abs(target).max(), 1e-6 * bulk)
         best, residual = self._best(guesses, control, target, dt)
+        rises = 0
         for _ in range(_MAX_ITERATIONS):
-            if np.abs(residual).max() <= _WANTED * scale:
+            error = np.abs(residual).max()
+            if error <= _WANTED * scale:
                 break
             step = self._newton_step(best, residual, control, target, dt)
             trials = best + _LINE_SEARCH[:, None] * (control.free @ step)
             new, new_residual = self._best(trials, control, target, dt)
             if not np.linalg.norm(new_residual) < np.linalg.norm(residual):
-                break
+                if error <= _ACCEPTED * scale or rises == _MOST_RISES:
+                    break
+                rises += 1
             best, residual = new, new_residual
         if not np.abs(residual).max() <= _ACCEPTED * scale:
             raise StressNotReached
@@ -197,7 +202,7 @@ class MaterialPoint:
         count = len(target)
         trials = increment + size * np.concatenate([control.free.T, -control.free.T])
         residuals = self._residuals(trials, control, target, dt)
-        tangent = (residuals[:count] - residuals[count:]).T / (2 * size)
-        if not (np.isfinite(tangent).all() and np.isfinite(residual).all()):
+        if not (np.isfinite(residuals).all() and np.isfinite(residual).all()):
             raise StressNotReached  # the law fails, or refuses to try
+        tangent = (residuals[:count] - residuals[count:]).T / (2 * size)
         return -np.linalg.lstsq(tangent, residual, rcond=_RANK)[0]

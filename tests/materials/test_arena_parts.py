@@ -376,6 +376,14 @@ def test_damage_grows_on_the_shear_limit_and_on_the_cap_if_asked_to():
     assert sheared["shear_limit"] == sheared["surface"] > 1e-4
 
 
+@pytest.mark.filterwarnings("error")
+def test_coherence_of_soil_that_failed_long_ago_is_zero():
+    material = Arena(**QUASISTATIC, initial_saturation=0.0, do_damage=True)
+    stress, state = strained(material, 0.0)
+    column(material, state, "damage_time")[:] = 1e3
+    assert material.derived_state(stress, state)["coherence"][0] == 0.0
+
+
 def test_no_damage_without_time_or_yield():
     material = Arena(**QUASISTATIC, initial_saturation=0.0, do_damage=True)
     for strain, dt in ((0.01, math.inf), (1e-7, 1.0)):

@@ -467,6 +467,19 @@ def test_breaches_are_named(law, error, hint, dimension):
     assert isinstance(caught.value, AssertionError) and law.__name__ in str(caught.value)
 
 
+@pytest.mark.parametrize("share", [0.01, 0.5, 100.0])
+def test_wrong_moduli_are_not_taken_for_a_wrong_limit_of_tension(share):
+    """The clause about openings measures by the moduli, so it comes after theirs."""
+
+    class Scaled(DruckerPrager):
+        def elastic_moduli(self, stress, state):
+            bulk, shear = super().elastic_moduli(stress, state)
+            return share * bulk, share * shear
+
+    with pytest.raises(testing.ModuliError):
+        check_material(Scaled(**DruckerPrager.example().model_dump()), 2)
+
+
 def test_the_order_of_components_is_seen_in_space():
     """Where yz and xz stand is told by a shear in three dimensions alone; in the plane neither exists."""
     check_material(ForeignOrder(), 2)

@@ -11,6 +11,7 @@ from periporo.core.motion.rebuilds import rebuild
 from periporo.core.motion.stages import DynamicsStage
 from periporo.core.points.forces import WORK
 from periporo.core.points.material import StepRefused, UpdatesFailed
+from periporo.core.scene.contacts import moduli_without_stress
 from periporo.core.watch.watchdog import (
     MOST_RETRIES,
     STRAIN_JUMP,
@@ -22,6 +23,7 @@ from periporo.core.watch.watchdog import (
     survey,
     wave_speeds,
 )
+from periporo.errors import InputError
 from periporo.materials.elastic import Elastic
 
 SPACING = 0.01
@@ -210,6 +212,21 @@ def test_without_a_watchdog_a_refusal_is_an_error(cloud, grid, last):
     with pytest.raises(RefusedStep, match="refused by Reluctant: it bears 3e-05. The time step is too long"):
         sim.run()
     assert sim.step_number == 1
+
+
+class Unwilling(Elastic):
+    """Has no state for any stress."""
+
+    def initial_state(self, stress, ids, volume):
+        raise ValueError("row 0 is too weak")
+
+
+def test_a_law_without_a_state_to_begin_with_is_an_error_of_the_input(cloud, grid):
+    law = Unwilling(**Elastic.example().model_dump())
+    with pytest.raises(InputError, match="materials: no start for Unwilling: row 0 is too weak"):
+        cloud(grid(4, 4, spacing=SPACING), laws=[law]).start()
+    with pytest.raises(InputError, match="materials: no start for Unwilling: row 0 is too weak"):
+        moduli_without_stress(law)
 
 
 class Forgetful(Elastic):
