@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from periporo.core.water.bishop import bishop_of
 from periporo.core.water.flow import FlowingWater, Permeability
 from periporo.core.water.increments import Increments
 from periporo.core.water.pore_water import DrainedWater, Pores, PoreWater, UndrainedWater
@@ -16,8 +17,10 @@ STANDARD_GRAVITY = 9.81  # m/s^2, under which a conductivity is measured
 def build_water(scene, materials) -> PoreWater:
     """The process of the scene's pore water. Raises InputError for materials without pores and unusable tables."""
     water = scene.pore_water
-    curves = [retention_of(_soil(scene, name).retention) for name in scene.materials]
-    pores = Pores(_porosities(scene, materials), curves, water.water_density, water.bulk_modulus)
+    soils = [_soil(scene, name) for name in scene.materials]
+    curves = [retention_of(soil.retention) for soil in soils]
+    factors = np.array([bishop_of(soil.bishop, curve) for soil, curve in zip(soils, curves, strict=True)])
+    pores = Pores(_porosities(scene, materials), curves, factors, water.water_density, water.bulk_modulus)
     free = None
     if water.free_water is not None:
         level = water.free_water.level
@@ -60,7 +63,7 @@ def refuse_inner_inflows(scene, sim) -> None:
 
 
 def _soil(scene, name):
-    """What the water meets in the material `name`: `porosity`, `retention`, `conductivity`, `permeability`."""
+    """What the water meets in the material `name`, each key of a `Soil`."""
     water = scene.pore_water
     common = Soil(**{key: getattr(water, key) for key in Soil.model_fields})
     own = water.soils.get(name)

@@ -1,8 +1,9 @@
 """Water in the pores: pressure, saturation, mass and effective stress (Menon & Song 2022, section 2).
 
 The laws see effective stress; forces come from the total stress sigma = sigma_bar - S p I with the pore pressure p
-(compression positive, suction is -p) and the saturation S as Bishop's factor. Where there is free water outside, the
-pressure that it has at a point's place is taken from S p: see `periporo.core.water.pressure.FreeWater`.
+(compression positive, suction is -p) and the saturation S as Bishop's factor, or another one
+(`periporo.core.water.bishop`). Where there is free water outside, the pressure that it has at a point's place is taken
+from S p: see `periporo.core.water.pressure.FreeWater`.
 
 `DrainedWater` flows in and out of the pores at will and keeps the pressure of a place; `UndrainedWater` cannot leave
 its point. The mass of a point is that of its grains and its water. Water that enters has the velocity of the grains;
@@ -20,6 +21,7 @@ from periporo.core.points.forces import WORK
 from periporo.core.points.material import BONDING
 from periporo.core.points.particles import Field
 from periporo.core.water import smoothing
+from periporo.core.water.bishop import pore_stress
 from periporo.core.water.content import fill_content, fill_pressure, follow_volume, pore_stiffness
 from periporo.core.water.pressure import FreeWater, Profile, UniformSuction
 from periporo.core.water.retention import Retention, packed, saturations
@@ -32,13 +34,14 @@ _NODES = 513  # of the integral of saturation over the height of growing suction
 
 @dataclass(frozen=True)
 class Pores:
-    """What the water meets: `porosity` at the start and `retention` of each material.
+    """What the water meets: `porosity` at the start, `retention` and factor of Bishop (`core.water.bishop`) of each.
 
     The water has `density` kg/m^3 at zero pressure and the `bulk_modulus` Pa.
     """
 
     porosity: np.ndarray
     retention: list[Retention]
+    factors: np.ndarray
     density: float
     bulk_modulus: float
 
@@ -93,7 +96,7 @@ class PoreWater:
         self._sim = sim
         for name, unit in (("pore_pressure", "Pa"), ("porosity", "1"), ("saturation", "1"), ("grain_mass", "kg")):
             sim.particles.add_field(Field(name, None, unit, sent=False))
-        sim.particles.add_field(Field("pore_stress", None, "Pa"))  # -S p, and the pressure of free water
+        sim.particles.add_field(Field("pore_stress", None, "Pa"))  # -chi p, and the pressure of free water
         self._bonds = any(bonding_column(block.material) is not None for block in sim.bonds.blocks)
         if self._bonds:
             sim.particles.add_field(Field("bonding_variable", None, "1"))  # xi
@@ -105,7 +108,7 @@ class PoreWater:
         owned["pore_pressure"], owned["porosity"] = pressure, pores.porosity[material]
         ratio = np.ones(len(material))
         owned["saturation"] = saturations(self.curves, material, -pressure, owned["porosity"], ratio)
-        owned["pore_stress"] = -owned["saturation"] * pressure
+        owned["pore_stress"] = pore_stress(pores.factors, material, pressure, owned["saturation"])
         owned["grain_mass"] = owned["mass"]
         owned["mass"] = owned["mass"] + pores.density * owned["saturation"] * owned["porosity"] * owned["volume"]
 
@@ -113,7 +116,7 @@ class PoreWater:
         """Pressure, saturation and mass at the end of the step, and total stress of the rows."""
         n = p.owned
         self._advance(p, dt)
-        p.pore_stress[:n] = -p.saturation * p.pore_pressure
+        p.pore_stress[:n] = pore_stress(self.pores.factors, p.material, p.pore_pressure, p.saturation)
         if self.free is not None:
             p.pore_stress[:n] += self.free.pressure(p, self._sim.reached(dt))
         if self._bonds:
@@ -246,8 +249,9 @@ class UndrainedWater(PoreWater):
     def _stiffness_of(self, rows):
         p = self._sim.particles
         return pore_stiffness(
-            rows, p.material, self.pores.bulk_modulus, self.curves, p.pore_pressure, p.porosity, p.pore_dilation
-        )
+            rows, p.material, self.pores.bulk_modulus, self.curves, self.pores.factors, p.pore_pressure, p.porosity,
+            p.pore_dilation,
+        )  # fmt: skip
 
 
 def bonding_column(material) -> int | None:

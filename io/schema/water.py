@@ -7,6 +7,9 @@ from pydantic import Field, Strict, model_validator
 from periporo.io.schema.base import Coordinate, Flag, Motion, Name, Position, Real, SceneModel, key
 from periporo.io.schema.files import ExistingFile
 
+BISHOP_NEEDS_RETENTION = (
+    "bishop without a retention curve: pores are always full, and the factor is 1; give retention, or leave out bishop"
+)
 _Factor = Annotated[float, Strict(), Field(ge=1e-4, le=1e4)]
 
 
@@ -52,6 +55,25 @@ class Retention(SceneModel):
         return self
 
 
+class Bishop(SceneModel):
+    """Bishop's factor chi of the pore pressure p in the effective stress sigma + chi p I; exactly one."""
+
+    power: Real | None = key("chi = S^power", "1", default=None, gt=0, le=100)
+    effective_power: Real | None = key(
+        "chi = S_e^effective_power, S_e the saturation above the residual one, over what it is in full pores", "1",
+        default=None, gt=0, le=100,
+    )  # fmt: skip
+    air_entry: Real | None = key(
+        "chi = (s/air_entry)^-0.55 at a suction s beyond it, else 1", "Pa", default=None, gt=0, le=1e9
+    )
+
+    @model_validator(mode="after")
+    def _is_one_kind(self):
+        if [self.power, self.effective_power, self.air_entry].count(None) != 2:
+            raise ValueError("give exactly one of: power, effective_power, air_entry; default is the saturation itself")
+        return self
+
+
 class FreeWater(SceneModel):
     """Water at rest around the bodies: it presses on them, and lifts what is below its level."""
 
@@ -63,6 +85,7 @@ class Soil(SceneModel):
 
     porosity: Real | None = key("porosity, if the law has none", "1", default=None, gt=0, lt=1)
     retention: Retention | None = key("the retention curve", default=None)
+    bishop: Bishop | None = key("Bishop's factor", default=None)
     conductivity: Real | None = key("hydraulic conductivity of full pores", "m/s", default=None, gt=0, le=10)
     permeability: Real | None = key("permeability of full pores", "m^2", default=None, gt=0, le=1e-4)
 
@@ -110,6 +133,7 @@ class PoreWater(SceneModel):
     kozeny_carman: Flag = key("permeability follows the porosity, as phi^3/(1 - phi)^2", default=False)
     soils: dict[Name, Soil] = key("what differs in single materials, by their names", default={})
     retention: Retention | None = key("the retention curve; default: pores are always full", default=None)
+    bishop: Bishop | None = key("Bishop's factor; default: the saturation", default=None)
     porosity: Real | None = key("porosity of materials whose law has none", "1", default=None, gt=0, lt=1)
     free_water: FreeWater | None = key("water outside; default none", default=None)
     bulk_modulus: Real = key("bulk modulus of the water", "Pa", default=2.2e9, ge=1e3, le=1e12)
@@ -132,6 +156,10 @@ class PoreWater(SceneModel):
                 f"a suction of {largest:g} Pa would pull water of a bulk_modulus of {self.bulk_modulus:g} Pa apart; "
                 "give a bulk_modulus that is at least twice as large"
             )
+        if self.retention is None:
+            unheld = self.bishop is not None and all(soil.retention is None for soil in self.soils.values())
+            if unheld or any(soil.bishop is not None and soil.retention is None for soil in self.soils.values()):
+                raise ValueError(BISHOP_NEEDS_RETENTION)
         if self.frozen and self.drainage != "drained":
             raise ValueError("frozen is for drained water; undrained water stays anyway: leave frozen out")
         return self
