@@ -23,12 +23,13 @@ from periporo.core.points.particles import Field
 from periporo.core.water import smoothing
 from periporo.core.water.bishop import pore_stress
 from periporo.core.water.content import fill_content, fill_pressure, follow_volume, pore_stiffness
-from periporo.core.water.pressure import FreeWater, Profile, UniformSuction
-from periporo.core.water.retention import Retention, packed, saturations
+from periporo.core.water.pressure import FreeWater, GivenPressure, Profile, UniformSuction
+from periporo.core.water.retention import FULL, Retention, packed, saturations
 
 _EXTERNAL = WORK.index("external")
 ATMOSPHERE = 101.3e3
 """Atmospheric pressure, Pa."""
+_STEPS = 32  # of the integral of saturation over a height, where pressures are given at points
 _NODES = 513  # of the integral of saturation over the height of growing suction
 
 
@@ -59,8 +60,10 @@ class Pores:
         level = np.asarray(level, float)
         full = self.density * self.porosity[material]
         if isinstance(profile, UniformSuction):
-            return full * self.initial_saturation(material, np.array([-profile.suction])) * level
-        table = profile.table(position)
+            return full * self.initial_saturation(material, profile.at(position[:1])) * level
+        if isinstance(profile, GivenPressure):
+            return full * self._filled_height(profile, material, position, level)
+        table = profile.table(position, 0.0)
         below = np.minimum(level, table) - table
         above = np.maximum(level - table, 0.0)
         growing = profile.largest_suction / profile.weight
@@ -68,6 +71,18 @@ class Pores:
         filled = self.initial_saturation(material, -profile.weight * nodes)
         sums = np.append(0.0, np.cumsum(0.5 * (filled[1:] + filled[:-1]) * np.diff(nodes)))
         return full * (below + np.interp(above, nodes, sums) + filled[-1] * np.maximum(above - growing, 0.0))
+
+    def _filled_height(self, profile: GivenPressure, material: int, position, level):
+        """Height (n,) m of water above the level of `position` (n, d), by the trapezium rule."""
+        rise = level - (position * profile.up).sum(axis=1)
+        if self.retention[material].kind == FULL:
+            return rise
+        filled = np.zeros(len(level))
+        for node in np.linspace(0.0, 1.0, _STEPS + 1):
+            pressure = profile.at(position + (node * rise)[:, None] * profile.up)
+            share = 0.5 if node in (0.0, 1.0) else 1.0
+            filled += share / _STEPS * self.initial_saturation(material, pressure)
+        return rise * filled
 
 
 class PoreWater:
@@ -104,7 +119,7 @@ class PoreWater:
     def initial_fields(self, owned: dict[str, np.ndarray]) -> None:
         """Set what the water is at new points, given `position`, `volume`, `material` and dry `mass`."""
         material, pores = owned["material"], self.pores
-        pressure = self.profile.at(owned["position"])
+        pressure = self.profile.at(owned["position"], self._sim.time)
         owned["pore_pressure"], owned["porosity"] = pressure, pores.porosity[material]
         ratio = np.ones(len(material))
         owned["saturation"] = saturations(self.curves, material, -pressure, owned["porosity"], ratio)
@@ -164,7 +179,7 @@ class DrainedWater(PoreWater):
         if self.frozen:
             return
         if self.profile.varies:
-            p.pore_pressure[:] = self.profile.at(p.position[:n])
+            p.pore_pressure[:] = self.profile.at(p.position[:n], self._sim.reached(dt))
         ratio = (1.0 - initial) / (1.0 - p.porosity)
         p.saturation[:] = saturations(self.curves, p.material[:n], -p.pore_pressure, p.porosity, ratio)
         self.exchange(p, p.saturation * p.porosity * p.present_volume() * p.jacobian)

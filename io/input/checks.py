@@ -281,9 +281,15 @@ def _water_problems(scene: SceneInput) -> Iterator[Problem]:
     if water is None:
         return
     if water.phreatic_line is not None and scene.dimension == 3:
-        message = "a line is for two dimensions; give a water_table, or let water flow from it to where it is to be"
+        message = "a line is for two dimensions; give a phreatic_surface, or a water_table"
         yield Problem(("pore_water", "phreatic_line"), message)
-    for name in ("water_table", "phreatic_line", "free_water"):
+    if water.phreatic_surface is not None:
+        if scene.dimension == 2:
+            yield Problem(("pore_water", "phreatic_surface"), "a raster is for three dimensions; give a phreatic_line")
+        elif scene.gravity is not None and (any(scene.gravity[:2]) or scene.gravity[2] > 0.0):
+            message = "heights of a raster go along z; let gravity be [0, 0, -g]"
+            yield Problem(("pore_water", "phreatic_surface"), message)
+    for name in ("water_table", "phreatic_line", "phreatic_surface", "free_water"):
         if getattr(water, name) is not None and not any(scene.gravity or ()):
             yield Problem(("pore_water", name), "a level of water needs gravity; give 'gravity', or a suction")
     for name in water.soils:

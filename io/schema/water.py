@@ -2,10 +2,11 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, PrivateAttr, Strict, model_validator
 
-from periporo.io.schema.base import Coordinate, Flag, Motion, Name, Position, Real, SceneModel, key
+from periporo.io.schema.base import Flag, Integer, Motion, Name, Position, Real, SceneModel, key
 from periporo.io.schema.files import ExistingFile
+from periporo.io.schema.ground import Heights
 
 BISHOP_NEEDS_RETENTION = (
     "bishop without a retention curve: pores are always full, and the factor is 1; give retention, or leave out bishop"
@@ -74,6 +75,29 @@ class Bishop(SceneModel):
         return self
 
 
+class PressureFile(SceneModel):
+    """Pressures of a file at its points, and around each of them linear: as what points of the scene begin with.
+
+    A CSV file headed x,y[,z] and names of columns, or a result file, of whose points the nearest count.
+    """
+
+    file: ExistingFile = key("file name, relative to the scene's folder: .csv or .vtkhdf")
+    column: Name = key("name of the column, or field", default="pore_pressure")
+    step: Integer | None = key("number of the output of a result file; default the last", default=None, ge=0)
+    _origin: tuple[float, ...] = PrivateAttr(default=())
+
+    @model_validator(mode="after")
+    def _has_outputs(self):
+        if self.step is not None and not self.is_result:
+            raise ValueError("step is for a result file (.vtkhdf); leave it out")
+        return self
+
+    @property
+    def is_result(self) -> bool:
+        """Whether it is a file of results."""
+        return self.file.endswith(".vtkhdf")
+
+
 class FreeWater(SceneModel):
     """Water at rest around the bodies: it presses on them, and lifts what is below its level."""
 
@@ -99,9 +123,15 @@ class Soil(SceneModel):
 class PoreWater(SceneModel):
     """Water in the pores: its pressure at the start, and whether it can leave."""
 
-    suction: Real | None = key("the same suction everywhere", "Pa", default=None, ge=0, le=1e9)
-    water_table: Coordinate | None = key(
-        "level against gravity below which pressure is that of water at rest", "m", default=None, place="level"
+    suction: Motion | None = key(
+        "the same suction everywhere: a number, or for drained water {times, values}", "Pa", default=None
+    )
+    water_table: Motion | None = key(
+        "level against gravity below which pressure is that of water at rest: a number, or for drained water "
+        "{times, values}",
+        "m",
+        default=None,
+        place="level",
     )
     phreatic_line: tuple[Position, ...] | None = key(
         "points of a water table that is not level, in two dimensions, from the left; level beyond the ends",
@@ -111,6 +141,12 @@ class PoreWater(SceneModel):
         min_length=2,
         max_length=1000,
     )
+    phreatic_surface: Heights | None = key(
+        "heights of a water table that is not level, in three dimensions: a raster; level beyond its edges",
+        "m",
+        default=None,
+    )
+    pressure: PressureFile | None = key("pressures that are known at points", "Pa", default=None)
     largest_suction: Real = key(
         "above the water table suction grows with height up to this", "Pa", default=0.0, ge=0, le=1e9
     )
@@ -142,15 +178,27 @@ class PoreWater(SceneModel):
 
     @model_validator(mode="after")
     def _has_a_start(self):
-        if [self.suction, self.water_table, self.phreatic_line].count(None) != 2:
+        starts = [self.suction, self.water_table, self.phreatic_line, self.phreatic_surface, self.pressure]
+        if starts.count(None) != len(starts) - 1:
             raise ValueError(
-                "give exactly one of: suction (0 for full pores without pressure), water_table, phreatic_line"
+                "give exactly one of: suction (0 for full pores without pressure), water_table, phreatic_line, "
+                "phreatic_surface, pressure"
             )
-        if self.largest_suction > 0.0 and self.suction is not None:
-            raise ValueError("largest_suction belongs to a water_table; leave it out, or give one")
+        if self.largest_suction > 0.0 and (self.suction is not None or self.pressure is not None):
+            raise ValueError("largest_suction belongs to a water table; leave it out, or give one")
+        for name in ("suction", "water_table"):
+            history = getattr(self, name)
+            if history is not None and len(set(history.values)) > 1 and (self.drainage != "drained" or self.frozen):
+                raise ValueError(
+                    f"a history of {name} is for drained water that is not frozen; give a number, and where water "
+                    "flows let the head of a boundary change"
+                )
+        suctions = (0.0,) if self.suction is None else self.suction.values
+        if min(suctions) < 0.0:
+            raise ValueError(f"suction must not be below 0, not {min(suctions):g}; give a water_table for pressures")
         if self.conductivity is not None and self.permeability is not None:
             raise ValueError("give one of: conductivity in m/s, permeability in m^2")
-        largest = max(self.suction or 0.0, self.largest_suction)
+        largest = max(*suctions, self.largest_suction)
         if self.drainage != "drained" and largest >= 0.5 * self.bulk_modulus:
             raise ValueError(
                 f"a suction of {largest:g} Pa would pull water of a bulk_modulus of {self.bulk_modulus:g} Pa apart; "
