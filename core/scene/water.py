@@ -62,6 +62,8 @@ def refuse_inner_inflows(scene, sim) -> None:
         for name, boundary in zip(named, built.inflows, strict=True):
             p = sim.particles
             here, faces = int(np.isin(p.id[: p.owned], boundary.ids).sum()), len(boundary.faces(p).rows)
+            if boundary.obstacle is not None:
+                continue  # soil may come to it later
             if sim.comm.allreduce(here) > 0 and sim.comm.allreduce(faces) == 0:  # some bodies come later
                 side = scene.boundaries[name].water.side
                 towards = "" if side is None else f" that looks to {side}"

@@ -13,10 +13,13 @@ _CLOUDBURST = 1e-4  # m/s, of rain: 360 mm/h
 
 
 def doubts_about_water(scene, sim) -> list[str]:
-    """Remarks on units, on rain from below, and on water tables that hold nothing up, or leave soil wet above."""
+    """Remarks on units, on rain from below, tables that hold nothing up or leave soil wet above, faces without soil."""
     if scene.pore_water is None:
         return []
-    return [*_strange_permeability(scene.pore_water), *_strange_rain(scene), *_strange_table(scene, sim)]
+    water = scene.pore_water
+    return [
+        *_strange_permeability(water), *_strange_rain(scene), *_strange_table(scene, sim), *_bare_obstacles(scene, sim),
+    ]  # fmt: skip
 
 
 def _strange_permeability(water) -> list[str]:
@@ -94,4 +97,15 @@ def _strange_reach(model, scene, sim) -> list[str]:
     return [
         f"pore_water.pressure: a point is {distance:.3g} m from the nearest place of {model.file}, and these are about "
         f"{apart:.3g} m apart: its pressure is drawn on in a line; do the places reach over all bodies?"
+    ]
+
+
+def _bare_obstacles(scene, sim) -> list[str]:
+    """A remark on each obstacle at whose face water is to pass, and which no soil touches when the stage begins."""
+    named = [name for name in scene.stages[0].boundaries if scene.boundaries[name].water is not None]
+    return [
+        f"boundary '{name}': no soil touches the obstacle '{scene.boundaries[name].water.obstacle}' at the start, so "
+        "that no water passes there until some comes to it"
+        for name, inflow in zip(named, sim.stages[0].inflows, strict=True)
+        if inflow.obstacle is not None and not sim.comm.allreduce(len(inflow.faces(sim.particles).rows))
     ]
