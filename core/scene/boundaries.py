@@ -1,7 +1,10 @@
 """From the boundary conditions of a scene to prescribed motions and loads."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from periporo.contact.rigid import RigidContact
 from periporo.core.loads.absorbing import Absorbing
 from periporo.core.loads.boundary import DisplacementHistory, PrescribedMotion, Traction, VelocityHistory
 from periporo.core.loads.tied import Tied
@@ -15,9 +18,12 @@ _SAME = 1e-6  # spacings by which places that are the same may differ
 
 
 def build_boundary(
-    scene, name: str, lattices, moving: bool, comm
+    scene, name: str, lattices, moving: bool, comm, obstacles: Mapping[str, RigidContact]
 ) -> PrescribedMotion | Traction | Absorbing | Tied | WaterBoundary:
-    """The boundary condition `name`; prescribed components stand still in a stage that is not `moving`."""
+    """The boundary condition `name`; prescribed components stand still in a stage that is not `moving`.
+
+    `obstacles` are those with a name.
+    """
     boundary = scene.boundaries[name]
     sites = _selected(scene, boundary.where, lattices)
     if sum(len(ids) for _, ids, _ in sites) == 0:
@@ -34,7 +40,7 @@ def build_boundary(
         return _tied(scene, name, boundary.tie.components, [*sites, *others], comm)
     ids = np.sort(np.concatenate([ids for _, ids, _ in sites]))
     if boundary.water is not None:
-        return _water_at_faces(scene, ids, boundary.water)
+        return _water_at_faces(scene, ids, boundary.water, obstacles)
     if boundary.fix:
         return PrescribedMotion(ids, {"xyz".index(a): _standstill for a in boundary.fix}, name)
     velocities = _velocities(boundary)
@@ -66,13 +72,14 @@ def hold(lattice) -> PrescribedMotion:
     return PrescribedMotion(ids, dict.fromkeys(range(lattice.dimension), _standstill))
 
 
-def _water_at_faces(scene, ids, water):
+def _water_at_faces(scene, ids, water, obstacles):
     """The condition `water` at the faces of the points `ids`."""
     history, side = getattr(water, water.kind), None
     if water.side is not None:
         side = np.eye(scene.dimension)["xyz".index(water.side[0])] * (1.0 if water.side[1] == "+" else -1.0)
+    obstacle = None if water.obstacle is None else obstacles[water.obstacle]
     return WaterBoundary(
-        ids, water.kind, lambda time: float(np.interp(time, history.times, history.values)), side
+        ids, water.kind, lambda time: float(np.interp(time, history.times, history.values)), side, obstacle
     )  # fmt: skip
 
 

@@ -20,8 +20,9 @@ def build_stage(scene, sim, stage, contacts, free_water, lattices):
     motions, ties, loads, inflows = [], [], [*free_water], []
     if scene.gravity is not None:
         loads.append(Gravity(scene.vector(scene.gravity)))
+    obstacles = {model.name: contact for model, contact in contacts if getattr(model, "name", None) is not None}
     for name in stage.boundaries:
-        boundary = build_boundary(scene, name, lattices, stage.type not in STILL, sim.comm)
+        boundary = build_boundary(scene, name, lattices, stage.type not in STILL, sim.comm, obstacles)
         if isinstance(boundary, Tied):
             ties.append(boundary)
             continue

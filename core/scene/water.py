@@ -2,12 +2,24 @@
 
 import numpy as np
 
+from periporo.core.scene.pressures import known_pressures, pressure_around
+from periporo.core.water.bishop import bishop_of
 from periporo.core.water.flow import FlowingWater, Permeability
 from periporo.core.water.increments import Increments
 from periporo.core.water.pore_water import DrainedWater, Pores, PoreWater, UndrainedWater
-from periporo.core.water.pressure import FreeWater, Hydrostatic, Profile, UniformSuction
+from periporo.core.water.pressure import (
+    FreeWater,
+    GivenPressure,
+    Hydrostatic,
+    Profile,
+    UniformSuction,
+    across,
+    level_table,
+    line_table,
+)
 from periporo.core.water.retention import FULL, retention_of
 from periporo.errors import InputError, Problem
+from periporo.io.geometry.rasters import read_raster
 from periporo.io.schema.water import Soil
 
 STANDARD_GRAVITY = 9.81  # m/s^2, under which a conductivity is measured
@@ -16,12 +28,13 @@ STANDARD_GRAVITY = 9.81  # m/s^2, under which a conductivity is measured
 def build_water(scene, materials) -> PoreWater:
     """The process of the scene's pore water. Raises InputError for materials without pores and unusable tables."""
     water = scene.pore_water
-    curves = [retention_of(_soil(scene, name).retention) for name in scene.materials]
-    pores = Pores(_porosities(scene, materials), curves, water.water_density, water.bulk_modulus)
+    soils = [_soil(scene, name) for name in scene.materials]
+    curves = [retention_of(soil.retention) for soil in soils]
+    factors = np.array([bishop_of(soil.bishop, curve) for soil, curve in zip(soils, curves, strict=True)])
+    pores = Pores(_porosities(scene, materials), curves, factors, water.water_density, water.bulk_modulus)
     free = None
     if water.free_water is not None:
-        level = water.free_water.level
-        free = FreeWater(lambda time: float(np.interp(time, level.times, level.values)), *_weight(scene))
+        free = FreeWater(_over_time(water.free_water.level), *_weight(scene))
     if water.drainage == "flowing":
         flowing = FlowingWater(pores, _profile(scene), free, _permeability(scene))
         if any(stage.type == "quasi_static" for stage in scene.stages):
@@ -49,6 +62,8 @@ def refuse_inner_inflows(scene, sim) -> None:
         for name, boundary in zip(named, built.inflows, strict=True):
             p = sim.particles
             here, faces = int(np.isin(p.id[: p.owned], boundary.ids).sum()), len(boundary.faces(p).rows)
+            if boundary.obstacle is not None:
+                continue  # soil may come to it later
             if sim.comm.allreduce(here) > 0 and sim.comm.allreduce(faces) == 0:  # some bodies come later
                 side = scene.boundaries[name].water.side
                 towards = "" if side is None else f" that looks to {side}"
@@ -60,7 +75,7 @@ def refuse_inner_inflows(scene, sim) -> None:
 
 
 def _soil(scene, name):
-    """What the water meets in the material `name`: `porosity`, `retention`, `conductivity`, `permeability`."""
+    """What the water meets in the material `name`, each key of a `Soil`."""
     water = scene.pore_water
     common = Soil(**{key: getattr(water, key) for key in Soil.model_fields})
     own = water.soils.get(name)
@@ -97,15 +112,42 @@ def _weight(scene) -> tuple[float, np.ndarray]:
 def _profile(scene) -> Profile:
     water = scene.pore_water
     if water.suction is not None:
-        return UniformSuction(water.suction)
+        suction = water.suction
+        return UniformSuction(_over_time(suction), max(suction.values), varies=len(set(suction.values)) > 1)
+    if water.pressure is not None:
+        return _given(scene)
     weight, up = _weight(scene)
-    if water.phreatic_line is None:
-        return Hydrostatic(water.water_table * up[None], weight, up, water.largest_suction)
-    profile = Hydrostatic(np.array(water.phreatic_line), weight, up, water.largest_suction)
-    if not (np.diff(profile.across(profile.corners)) > 0.0).all():
+    return Hydrostatic(_table(water, up), weight, up, water.largest_suction)
+
+
+def _over_time(history):
+    """The history as a function of time."""
+    return lambda time: float(np.interp(time, history.times, history.values))
+
+
+def _table(water, up):
+    """Levels of the water table as a function of place and time."""
+    if water.water_table is not None:
+        return level_table(_over_time(water.water_table))
+    if water.phreatic_surface is not None:
+        raster = read_raster(water.phreatic_surface)
+        return lambda position, time: raster.at(np.clip(position[:, :2], raster.corner, raster.far_corner))
+    corners = np.array(water.phreatic_line)
+    if not (np.diff(across(corners, up)) > 0.0).all():
         message = "its points must lie one after another across gravity, from the left, as down is below"
         raise InputError("scene", [Problem(("pore_water", "phreatic_line"), message)])
-    return profile
+    return line_table(corners, up)
+
+
+def _given(scene):
+    """Pressures that are known at points."""
+    water, gravity = scene.pore_water, scene.vector(scene.gravity)
+    begin, largest = pressure_around(*known_pressures(water.pressure, scene.dimension))
+    if water.drainage != "drained" and largest >= 0.5 * water.bulk_modulus:
+        message = f"a suction of {largest:g} Pa would pull water of a bulk_modulus of {water.bulk_modulus:g} Pa apart; "
+        message += "are these pressures in Pa, compression positive? Else give a bulk_modulus twice as large"
+        raise InputError("scene", [Problem(("pore_water", "pressure"), message)])
+    return GivenPressure(begin, _weight(scene)[1] if gravity.any() else np.eye(scene.dimension)[-1], largest)
 
 
 def _porosities(scene, materials):

@@ -2,15 +2,24 @@
 
 import numpy as np
 
+from periporo.core.ranks.reductions import maximum
+from periporo.core.scene.pressures import farthest
+from periporo.io.geometry.origin import relative
+from periporo.io.geometry.rasters import read_raster
+
 _TIGHTEST, _COARSEST = 1e-13, 1e-7  # conductivity of clay, m/s, and permeability of gravel, m^2
+_FAR = 2.0  # distances between places: points that are farther away
 _CLOUDBURST = 1e-4  # m/s, of rain: 360 mm/h
 
 
 def doubts_about_water(scene, sim) -> list[str]:
-    """Remarks on units, on rain from below, and on water tables that hold nothing up, or leave soil wet above."""
+    """Remarks on units, on rain from below, tables that hold nothing up or leave soil wet above, faces without soil."""
     if scene.pore_water is None:
         return []
-    return [*_strange_permeability(scene.pore_water), *_strange_rain(scene), *_strange_table(scene, sim)]
+    water = scene.pore_water
+    return [
+        *_strange_permeability(water), *_strange_rain(scene), *_strange_table(scene, sim), *_bare_obstacles(scene, sim),
+    ]  # fmt: skip
 
 
 def _strange_permeability(water) -> list[str]:
@@ -50,10 +59,11 @@ def _strange_rain(scene) -> list[str]:
 def _strange_table(scene, sim) -> list[str]:
     """A remark on a table above all soil without free water there, and on one below which all soil is full."""
     water, doubts, extent = scene.pore_water, [], sim.extent
+    if water.pressure is not None:
+        return _strange_reach(water.pressure, scene, sim)
     if water.suction is not None:
         return []
-    line = () if water.phreatic_line is None else water.phreatic_line
-    table = max(float(np.array(point) @ extent.up) for point in line) if line else water.water_table
+    table = _highest(water, extent.up)
     top = float((np.where(extent.up > 0.0, extent.upper, extent.lower) + sim.origin) @ extent.up)
     if water.free_water is None and table > top + scene.spacing:
         doubts.append(
@@ -66,3 +76,36 @@ def _strange_table(scene, sim) -> list[str]:
             "to which it grows with height"
         )
     return doubts
+
+
+def _highest(water, up) -> float:
+    """Highest level of the water table, m."""
+    if water.water_table is not None:
+        return max(water.water_table.values)
+    if water.phreatic_surface is not None:
+        return float(read_raster(water.phreatic_surface).level.max())
+    return max(float(np.array(point) @ up) for point in water.phreatic_line)
+
+
+def _strange_reach(model, scene, sim) -> list[str]:
+    """A remark on points that are far from all places whose pressure is known."""
+    p = sim.particles
+    distance, apart = farthest(relative(scene, sim.origin).pore_water.pressure, p.position[: p.owned])
+    distance = maximum(sim.comm, distance)
+    if distance <= max(_FAR * apart, 2.0 * scene.spacing):
+        return []
+    return [
+        f"pore_water.pressure: a point is {distance:.3g} m from the nearest place of {model.file}, and these are about "
+        f"{apart:.3g} m apart: its pressure is drawn on in a line; do the places reach over all bodies?"
+    ]
+
+
+def _bare_obstacles(scene, sim) -> list[str]:
+    """A remark on each obstacle at whose face water is to pass, and which no soil touches when the stage begins."""
+    named = [name for name in scene.stages[0].boundaries if scene.boundaries[name].water is not None]
+    return [
+        f"boundary '{name}': no soil touches the obstacle '{scene.boundaries[name].water.obstacle}' at the start, so "
+        "that no water passes there until some comes to it"
+        for name, inflow in zip(named, sim.stages[0].inflows, strict=True)
+        if inflow.obstacle is not None and not sim.comm.allreduce(len(inflow.faces(sim.particles).rows))
+    ]

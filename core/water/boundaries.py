@@ -1,7 +1,7 @@
 """Where water enters and leaves: faces of points at the surface, under a pressure, a flux, or rain."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -10,7 +10,15 @@ from periporo.core.water.retention import conductivities
 
 PRESSURE, HEAD, FLUX, RAIN = "pressure", "head", "flux", "rain"
 SHAPE_PAIRS = {2: ((0, 0), (1, 1), (0, 1)), 3: ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))}
+_TOUCHING = 0.75  # cells between a point and the obstacle that its face touches: half of one, and what it may stretch
 _FACE = 0.5  # of the face of a cell: a smaller area on the side that is meant belongs to another side
+
+
+class Obstacle(Protocol):
+    """What soil touches."""
+
+    def gap(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distances (n,) m of positions (n, d) to its surface where it is now, and normals (n, d) out of it."""
 
 
 class Faces(NamedTuple):
@@ -30,27 +38,34 @@ class WaterBoundary:
     - `rain` m/s on a horizontal area: it enters as long as the pressure at the face would not exceed 0, the rest runs
       off; where water comes out it does so freely (a seepage face). Below the level of free water that is what counts
 
-    `side` (d,) is the normal of the faces that are meant; without it all faces are. A flow goes through half a cell.
+    `side` (d,) is the normal of the faces that are meant, or `obstacle` what they touch, wherever points and obstacle
+    have come; without both all faces are. A flow goes through half a cell.
     """
 
-    def __init__(self, ids: np.ndarray, kind: str, value: Callable[[float], float], side: np.ndarray | None = None):
+    def __init__(
+        self, ids: np.ndarray, kind: str, value: Callable[[float], float], side: np.ndarray | None = None,
+        obstacle: Obstacle | None = None,
+    ):  # fmt: skip
         self.ids = ids
         self.kind = kind
         self.value = value
         self.side = side
+        self.obstacle = obstacle
         self._found: tuple[np.ndarray | None, np.ndarray] = None, ids  # ids of the points, and the rows among them
 
     def faces(self, p) -> Faces:
         """The faces of the owned points that have one now."""
         if self._found[0] is not p.id:
             self._found = p.id, np.flatnonzero(np.isin(p.id[: p.owned], self.ids, assume_unique=True))
-        d, rows = p.dimension, self._found[1]
+        d, rows, side = p.dimension, self._found[1], self.side
+        if self.obstacle is not None:
+            rows, side = self._touching(p, rows)
         vector = p.outer_face[rows, :d]
-        if self.side is None:
+        if side is None:
             area = np.sqrt((vector * vector).sum(axis=1))
             normal = vector / np.where(area > 0.0, area, 1.0)[:, None]
         else:
-            area, normal = (vector * self.side).sum(axis=1), np.tile(self.side, (len(rows), 1))
+            area, normal = (vector * side).sum(axis=1), np.broadcast_to(side, vector.shape)
         ratio = p.pore_dilation[rows]
         there = np.flatnonzero(ratio * area > _FACE * (p.volume[rows] * ratio) ** (1.0 - 1.0 / d))
         rows, area, normal, tensor = rows[there], area[there], normal[there], p.outer_face[rows[there], d:]
@@ -58,6 +73,13 @@ class WaterBoundary:
         for c, (a, b) in enumerate(SHAPE_PAIRS[d]):
             square += (1.0 if a == b else 2.0) * tensor[:, c] * normal[:, a] * normal[:, b]
         return Faces(rows, ratio[there] * area, normal, 0.5 * square / area)
+
+    def _touching(self, p, rows):
+        """Those of the `rows` that are at the obstacle, and the ways (n, d) into it."""
+        assert self.obstacle is not None
+        gap, normal = self.obstacle.gap(p.position[rows])
+        near = gap < _TOUCHING * (p.volume[rows] * p.pore_dilation[rows]) ** (1.0 / p.dimension)
+        return rows[near], -normal[near]
 
     def conducted(self, p, faces: Faces, water: FlowingWater) -> np.ndarray:
         """What the faces conduct, (n,) m^3/(Pa s)."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.water.bishop import factor_of
 from periporo.core.water.retention import FULL, saturation_of
 
 _CONVERGED = 1e-14  # of the volume, in the equation for the pressure
@@ -86,18 +87,19 @@ def _suction(curves, m, bulk, filled, guess, porosity, ratio):
     return s
 
 
-def pore_stiffness(rows, material, bulk: float, curves, pressure, porosity, dilation) -> np.ndarray:
-    """Rate of S p with a volumetric strain of compression at constant w, (n,) Pa, of the points `rows`."""
+def pore_stiffness(rows, material, bulk: float, curves, factors, pressure, porosity, dilation) -> np.ndarray:
+    """Rate of chi p with a volumetric strain of compression at constant w, (n,) Pa, of the points `rows`."""
     result = np.empty(len(rows))
-    _fill_stiffness(rows, material, bulk, curves, pressure, porosity, dilation, result)
+    _fill_stiffness(rows, material, bulk, curves, factors, pressure, porosity, dilation, result)
     return result
 
 
 @kernel
-def _fill_stiffness(rows, material, bulk, curves, pressure, porosity, dilation, result):
+def _fill_stiffness(rows, material, bulk, curves, factors, pressure, porosity, dilation, result):
     for r in range(rows.shape[0]):
         i = rows[r]
         s, slope = saturation_of(curves, material[i], -pressure[i], porosity[i], dilation[i])
+        chi, chi_slope = factor_of(factors, material[i], -pressure[i], s, slope)
         squeezed = 1.0 + pressure[i] / bulk
         rate = s * squeezed / (porosity[i] * (s / bulk - slope * squeezed))  # of p
-        result[r] = rate * max(s - pressure[i] * slope, 0.0)
+        result[r] = rate * max(chi - pressure[i] * chi_slope, 0.0)

@@ -21,6 +21,7 @@ import numpy as np
 from periporo.core.numerics.jit import kernel
 from periporo.core.points.particles import Field
 from periporo.core.ranks.reductions import exact_sum, maximum
+from periporo.core.water.bishop import fill_factors
 from periporo.core.water.content import follow_volume
 from periporo.core.water.retention import saturation_of
 from periporo.core.water.stages import EULER, stages_for
@@ -170,7 +171,9 @@ class Increments:
         for block in self._sim.bonds.blocks:
             bulk, shear = block.elastic_moduli()
             row[block.first, COMPLIANCE] = 0.5 / bulk + 0.5 / (bulk + 4.0 / 3.0 * shear)
-        row[:, COMPLIANCE] *= p.saturation * p.pore_dilation
+        factor = np.empty(p.owned)
+        fill_factors(self.water.pores.factors, p.material, p.pore_pressure, p.saturation, factor)
+        row[:, COMPLIANCE] *= factor * p.pore_dilation
         self.length = -1.0  # s, none yet
 
     def _loaded(self, p, length):

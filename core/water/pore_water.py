@@ -1,8 +1,9 @@
 """Water in the pores: pressure, saturation, mass and effective stress (Menon & Song 2022, section 2).
 
 The laws see effective stress; forces come from the total stress sigma = sigma_bar - S p I with the pore pressure p
-(compression positive, suction is -p) and the saturation S as Bishop's factor. Where there is free water outside, the
-pressure that it has at a point's place is taken from S p: see `periporo.core.water.pressure.FreeWater`.
+(compression positive, suction is -p) and the saturation S as Bishop's factor, or another one
+(`periporo.core.water.bishop`). Where there is free water outside, the pressure that it has at a point's place is taken
+from S p: see `periporo.core.water.pressure.FreeWater`.
 
 `DrainedWater` flows in and out of the pores at will and keeps the pressure of a place; `UndrainedWater` cannot leave
 its point. The mass of a point is that of its grains and its water. Water that enters has the velocity of the grains;
@@ -20,25 +21,28 @@ from periporo.core.points.forces import WORK
 from periporo.core.points.material import BONDING
 from periporo.core.points.particles import Field
 from periporo.core.water import smoothing
+from periporo.core.water.bishop import pore_stress
 from periporo.core.water.content import fill_content, fill_pressure, follow_volume, pore_stiffness
-from periporo.core.water.pressure import FreeWater, Profile, UniformSuction
-from periporo.core.water.retention import Retention, packed, saturations
+from periporo.core.water.pressure import FreeWater, GivenPressure, Profile, UniformSuction
+from periporo.core.water.retention import FULL, Retention, packed, saturations
 
 _EXTERNAL = WORK.index("external")
 ATMOSPHERE = 101.3e3
 """Atmospheric pressure, Pa."""
+_STEPS = 32  # of the integral of saturation over a height, where pressures are given at points
 _NODES = 513  # of the integral of saturation over the height of growing suction
 
 
 @dataclass(frozen=True)
 class Pores:
-    """What the water meets: `porosity` at the start and `retention` of each material.
+    """What the water meets: `porosity` at the start, `retention` and factor of Bishop (`core.water.bishop`) of each.
 
     The water has `density` kg/m^3 at zero pressure and the `bulk_modulus` Pa.
     """
 
     porosity: np.ndarray
     retention: list[Retention]
+    factors: np.ndarray
     density: float
     bulk_modulus: float
 
@@ -56,8 +60,10 @@ class Pores:
         level = np.asarray(level, float)
         full = self.density * self.porosity[material]
         if isinstance(profile, UniformSuction):
-            return full * self.initial_saturation(material, np.array([-profile.suction])) * level
-        table = profile.table(position)
+            return full * self.initial_saturation(material, profile.at(position[:1])) * level
+        if isinstance(profile, GivenPressure):
+            return full * self._filled_height(profile, material, position, level)
+        table = profile.table(position, 0.0)
         below = np.minimum(level, table) - table
         above = np.maximum(level - table, 0.0)
         growing = profile.largest_suction / profile.weight
@@ -65,6 +71,18 @@ class Pores:
         filled = self.initial_saturation(material, -profile.weight * nodes)
         sums = np.append(0.0, np.cumsum(0.5 * (filled[1:] + filled[:-1]) * np.diff(nodes)))
         return full * (below + np.interp(above, nodes, sums) + filled[-1] * np.maximum(above - growing, 0.0))
+
+    def _filled_height(self, profile: GivenPressure, material: int, position, level):
+        """Height (n,) m of water above the level of `position` (n, d), by the trapezium rule."""
+        rise = level - (position * profile.up).sum(axis=1)
+        if self.retention[material].kind == FULL:
+            return rise
+        filled = np.zeros(len(level))
+        for node in np.linspace(0.0, 1.0, _STEPS + 1):
+            pressure = profile.at(position + (node * rise)[:, None] * profile.up)
+            share = 0.5 if node in (0.0, 1.0) else 1.0
+            filled += share / _STEPS * self.initial_saturation(material, pressure)
+        return rise * filled
 
 
 class PoreWater:
@@ -93,7 +111,7 @@ class PoreWater:
         self._sim = sim
         for name, unit in (("pore_pressure", "Pa"), ("porosity", "1"), ("saturation", "1"), ("grain_mass", "kg")):
             sim.particles.add_field(Field(name, None, unit, sent=False))
-        sim.particles.add_field(Field("pore_stress", None, "Pa"))  # -S p, and the pressure of free water
+        sim.particles.add_field(Field("pore_stress", None, "Pa"))  # -chi p, and the pressure of free water
         self._bonds = any(bonding_column(block.material) is not None for block in sim.bonds.blocks)
         if self._bonds:
             sim.particles.add_field(Field("bonding_variable", None, "1"))  # xi
@@ -101,11 +119,11 @@ class PoreWater:
     def initial_fields(self, owned: dict[str, np.ndarray]) -> None:
         """Set what the water is at new points, given `position`, `volume`, `material` and dry `mass`."""
         material, pores = owned["material"], self.pores
-        pressure = self.profile.at(owned["position"])
+        pressure = self.profile.at(owned["position"], self._sim.time)
         owned["pore_pressure"], owned["porosity"] = pressure, pores.porosity[material]
         ratio = np.ones(len(material))
         owned["saturation"] = saturations(self.curves, material, -pressure, owned["porosity"], ratio)
-        owned["pore_stress"] = -owned["saturation"] * pressure
+        owned["pore_stress"] = pore_stress(pores.factors, material, pressure, owned["saturation"])
         owned["grain_mass"] = owned["mass"]
         owned["mass"] = owned["mass"] + pores.density * owned["saturation"] * owned["porosity"] * owned["volume"]
 
@@ -113,7 +131,7 @@ class PoreWater:
         """Pressure, saturation and mass at the end of the step, and total stress of the rows."""
         n = p.owned
         self._advance(p, dt)
-        p.pore_stress[:n] = -p.saturation * p.pore_pressure
+        p.pore_stress[:n] = pore_stress(self.pores.factors, p.material, p.pore_pressure, p.saturation)
         if self.free is not None:
             p.pore_stress[:n] += self.free.pressure(p, self._sim.reached(dt))
         if self._bonds:
@@ -161,7 +179,7 @@ class DrainedWater(PoreWater):
         if self.frozen:
             return
         if self.profile.varies:
-            p.pore_pressure[:] = self.profile.at(p.position[:n])
+            p.pore_pressure[:] = self.profile.at(p.position[:n], self._sim.reached(dt))
         ratio = (1.0 - initial) / (1.0 - p.porosity)
         p.saturation[:] = saturations(self.curves, p.material[:n], -p.pore_pressure, p.porosity, ratio)
         self.exchange(p, p.saturation * p.porosity * p.present_volume() * p.jacobian)
@@ -246,8 +264,9 @@ class UndrainedWater(PoreWater):
     def _stiffness_of(self, rows):
         p = self._sim.particles
         return pore_stiffness(
-            rows, p.material, self.pores.bulk_modulus, self.curves, p.pore_pressure, p.porosity, p.pore_dilation
-        )
+            rows, p.material, self.pores.bulk_modulus, self.curves, self.pores.factors, p.pore_pressure, p.porosity,
+            p.pore_dilation,
+        )  # fmt: skip
 
 
 def bonding_column(material) -> int | None:

@@ -1,4 +1,4 @@
-"""Pore pressure as a function of place: the same suction everywhere, or hydrostatic below a water table."""
+"""Pore pressure of a place: the same suction everywhere, hydrostatic below a water table, or what is known of it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,53 +8,71 @@ import numpy as np
 
 @dataclass(frozen=True)
 class UniformSuction:
-    """The same `suction` Pa everywhere."""
+    """The same `suction`(time) Pa everywhere, at most the `largest_suction`; `varies` tells whether it changes."""
 
-    suction: float
-    varies = False
+    suction: Callable[[float], float]
+    largest_suction: float
+    varies: bool = False
 
-    @property
-    def largest_suction(self) -> float:
-        """Of all places, Pa."""
-        return self.suction
-
-    def at(self, position: np.ndarray) -> np.ndarray:
+    def at(self, position: np.ndarray, time: float = 0.0) -> np.ndarray:
         """Pressure (n,) Pa at positions (n, d) m."""
-        return np.full(len(position), -self.suction)
+        return np.full(len(position), -self.suction(time))
 
 
 @dataclass(frozen=True)
 class Hydrostatic:
     """Pressure as of water at rest below a table; above, suction up to `largest_suction`.
 
-    The table goes through `corners` (k, d) m, in the order in which they lie across gravity, and level beyond them: one
-    corner is a level table. `weight` rho_w g N/m^3; `up` (d,) the unit vector against gravity.
+    `table`(positions (n, d) m, time) gives its level (n,) m against gravity above or below them: see `level_table`,
+    `line_table`; `weight` rho_w g N/m^3; `up` (d,) the unit vector against gravity.
     """
 
-    corners: np.ndarray
+    table: Callable[[np.ndarray, float], np.ndarray]
     weight: float
     up: np.ndarray
     largest_suction: float = 0.0
     varies = True
 
-    def table(self, position: np.ndarray) -> np.ndarray:
-        """Level (n,) m of the table, against gravity, above or below positions (n, d) m."""
-        levels = (self.corners * self.up).sum(axis=1)
-        if len(levels) == 1:
-            return np.full(len(position), levels[0])
-        return np.interp(self.across(position), self.across(self.corners), levels)
-
-    def across(self, position: np.ndarray) -> np.ndarray:
-        """How far positions (n, 2) m lie to the side, m."""
-        return position[:, 0] * self.up[1] - position[:, 1] * self.up[0]
-
-    def at(self, position: np.ndarray) -> np.ndarray:
+    def at(self, position: np.ndarray, time: float = 0.0) -> np.ndarray:
         """Pressure (n,) Pa at positions (n, d) m."""
-        depth = self.table(position) - (position * self.up).sum(axis=1)
+        depth = self.table(position, time) - (position * self.up).sum(axis=1)
         return np.maximum(self.weight * depth, -self.largest_suction)
 
 
-Profile = UniformSuction | Hydrostatic
+@dataclass(frozen=True)
+class GivenPressure:
+    """Pressures that are known at the start, `begin`(positions (n, d) m) Pa; a point keeps its own, wherever it goes.
+
+    `up` (d,) is the unit vector against gravity, and no place sucks by more than `largest_suction` Pa.
+    """
+
+    begin: Callable[[np.ndarray], np.ndarray]
+    up: np.ndarray
+    largest_suction: float
+    varies = False
+
+    def at(self, position: np.ndarray, time: float = 0.0) -> np.ndarray:
+        """Pressure (n,) Pa at positions (n, d) m at the start."""
+        return self.begin(position)
+
+
+Profile = UniformSuction | Hydrostatic | GivenPressure
+
+
+def level_table(level: Callable[[float], float]) -> Callable[[np.ndarray, float], np.ndarray]:
+    """A water table of the same `level`(time) m everywhere."""
+    return lambda position, time: np.full(len(position), level(time))
+
+
+def line_table(corners: np.ndarray, up: np.ndarray) -> Callable[[np.ndarray, float], np.ndarray]:
+    """A water table through `corners` (k, 2) m, in the order in which they lie `across` gravity; level beyond them."""
+    places, levels = across(corners, up), (corners * up).sum(axis=1)
+    return lambda position, time: np.interp(across(position, up), places, levels)
+
+
+def across(position: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """How far positions (n, 2) m lie to the side, (n,) m."""
+    return position[:, 0] * up[1] - position[:, 1] * up[0]
 
 
 class FreeWater:

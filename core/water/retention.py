@@ -42,6 +42,14 @@ class Retention:
     kind: int
     numbers: tuple[float, ...] = ()
 
+    @property
+    def residual(self) -> float:
+        """Saturation that no suction takes away; of a table its last one."""
+        if self.kind in (FULL, VOIDS):
+            return 0.0
+        value = self.numbers[int(2 * self.numbers[0])] if self.kind == TABLE else self.numbers[-1]
+        return value if value < 1.0 else 0.0
+
     def saturation(self, suction, porosity, ratio) -> np.ndarray:
         """S (n,) at `suction` (n,) Pa, or one for all, of points of `porosity` (n,) and volume `ratio` J (n,)."""
         result = np.empty(len(porosity))

@@ -13,6 +13,7 @@ from periporo.io.geometry.rasters import read_raster
 from periporo.io.schema.fields import DepthField, LevelField, ParameterField, PointsField, RandomField, RasterField
 
 _CHUNK = 4_000_000  # distances at once
+_FLAT = 1e-6  # of the largest extent: places that differ less in a direction tell no slope along it
 _MODES = 1000  # waves of which a random field is the sum
 
 
@@ -51,7 +52,7 @@ def typical_value(field: ParameterField) -> float:
         case RasterField():
             return float(np.nanmedian(_raster(field).level))
         case PointsField():
-            return float(np.median(_points(field.file, field.column, Path(field.file).stat().st_mtime_ns)[1]))
+            return float(np.median(column_of(field.file, field.column)[1]))
         case RandomField():
             return float(field.mean) if isinstance(field.mean, float | int) else typical_value(field.mean)
 
@@ -76,6 +77,14 @@ def _of_raster(field, position):
     return values
 
 
+def column_of(name: str, column: str) -> tuple[np.ndarray, np.ndarray]:
+    """Places (m, d) and values (m,) of a column of a CSV file headed x,y[,z] and other names; read once.
+
+    Raises FieldError.
+    """
+    return _points(name, column, Path(name).stat().st_mtime_ns)
+
+
 @lru_cache(maxsize=8)
 def _points(name: str, column: str, _modified: int) -> tuple[np.ndarray, np.ndarray]:
     """Places (m, d) and values (m,) of a column."""
@@ -94,20 +103,47 @@ def _points(name: str, column: str, _modified: int) -> tuple[np.ndarray, np.ndar
 
 
 def _of_points(field, position):
-    places, values = _points(field.file, field.column, Path(field.file).stat().st_mtime_ns)
+    places, values = column_of(field.file, field.column)
     if places.shape[1] != position.shape[1]:
         raise FieldError(f"{field.file}: its points have {places.shape[1]} coordinates, the scene {position.shape[1]}")
     if field._origin:
         places = counted_from(places, field._origin)
-    rows = max(1, _CHUNK // len(places))
-    nearest = [_nearest(position[k : k + rows], places) for k in range(0, len(position), rows)]
+    nearest = [np.argmin(square, axis=1) for square in _squares(position, places)]
     return values[np.concatenate([np.empty(0, np.int64), *nearest])]
 
 
-def _nearest(position, places):
-    """Index (n,) of the nearest place; of several that are as near the first."""
-    square = sum((position[:, None, a] - places[None, :, a]) ** 2 for a in range(position.shape[1]))
-    return np.argmin(square, axis=1)
+def distances(position: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """How far positions (n, d) m are from the nearest of the `places` (m, d), (n,) m."""
+    nearest = [np.sqrt(square.min(axis=1)) for square in _squares(position, places)]
+    return np.concatenate([np.empty(0), *nearest])
+
+
+def linear_around(places: np.ndarray, values: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Values (n,) at positions (n, d) m from those (m,) at `places` (m, d): that of the nearest place, and linear.
+
+    The slope suits the 2 d places that are near besides, by least squares: exact for linear values, also at places
+    themselves for any; there is none in directions in which these places do not differ.
+    """
+    d, found, done = position.shape[1], np.empty(len(position)), 0
+    count = min(1 + 2 * d, len(places))
+    for square in _squares(position, places):
+        near = np.argpartition(square, count - 1, axis=1)[:, :count]
+        near = np.take_along_axis(near, np.lexsort((near, np.take_along_axis(square, near, 1)), axis=1), 1)
+        first, others = near[:, 0], near[:, 1:]
+        arms, rises = places[others] - places[first][:, None], values[others] - values[first][:, None]
+        slope = np.linalg.pinv(arms, rcond=_FLAT) @ rises[:, :, None]
+        rows = slice(done, done + len(square))
+        found[rows] = values[first] + ((position[rows] - places[first]) * slope[:, :, 0]).sum(axis=1)
+        done += len(square)
+    return found
+
+
+def _squares(position, places):
+    """Squares of the distances from a number of positions to all places, (k, m) m^2, piece by piece."""
+    rows = max(1, _CHUNK // len(places))
+    for k in range(0, len(position), rows):
+        part = position[k : k + rows]
+        yield sum((part[:, None, a] - places[None, :, a]) ** 2 for a in range(part.shape[1]))
 
 
 def _random(field, position, means):

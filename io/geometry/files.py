@@ -19,20 +19,21 @@ from periporo.io.schema.scene import SceneInput
 
 
 def file_problems(scene: SceneInput) -> Iterator[Problem]:
-    """Files of bodies and obstacles that cannot be used, and layers that hold no soil."""
+    """Files of bodies, obstacles and water that cannot be used, and layers that hold no soil."""
     for path, read in _readings(scene):
         try:
             read()
         except (PointFileError, GroundFileError) as error:
             yield Problem(path, str(error))
             return
+    yield from _table_problems(scene)
     for k, body in enumerate(scene.bodies):
         if isinstance(body.shape, RasterShape):
             yield from _layer_problems(("bodies", k, "shape"), layer_of(body.shape), scene.spacing)
 
 
 def _readings(scene: SceneInput) -> Iterator[tuple[Path, Callable[[], object]]]:
-    """Path in the scene, and function that reads, of every file of bodies and obstacles."""
+    """Path in the scene, and function that reads, of every file of bodies, obstacles and water."""
     for k, body in enumerate(scene.bodies):
         path, shape = ("bodies", k, "shape"), body.shape
         match shape:
@@ -50,6 +51,21 @@ def _readings(scene: SceneInput) -> Iterator[tuple[Path, Callable[[], object]]]:
             ground = contact.ground
             read = partial(read_mesh, ground.file) if ground.is_mesh else partial(read_raster, ground)
             yield ("contacts", k, "ground"), read
+    if scene.pore_water is not None and scene.pore_water.phreatic_surface is not None:
+        yield ("pore_water", "phreatic_surface"), partial(read_raster, scene.pore_water.phreatic_surface)
+
+
+def _table_problems(scene: SceneInput) -> Iterator[Problem]:
+    """A water table that is not known everywhere."""
+    table = None if scene.pore_water is None else scene.pore_water.phreatic_surface
+    if table is None:
+        return
+    raster, path = read_raster(table), ("pore_water", "phreatic_surface")
+    bare = np.isnan(raster.level)
+    if bare.any():
+        j, i = np.unravel_index(int(np.argmax(bare)), bare.shape)
+        message = f"has {int(bare.sum())} places without a value (NODATA), the first {_at(raster, raster.place(i, j))}"
+        yield Problem(path, f"{message}; water needs a level everywhere: fill them, or cut the raster")
 
 
 def _layer_problems(path: Path, layer: Layer, spacing: float) -> Iterator[Problem]:

@@ -42,6 +42,10 @@ class Raster:
         """Values (n,) at places (n, 2|3) m, linear on two triangles in each cell; NaN where there is none."""
         return height_at(self.level, self.corner, self.cell, place)
 
+    def place(self, i: int, j: int) -> np.ndarray:
+        """Place (2,) m of the value in column `i` and row `j` of `level`."""
+        return self.corner + np.array([i, j]) * self.cell
+
     def row_and_column(self, place) -> str:
         """Where in the file the value next to a place (2|3,) m stands, for people."""
         i, j = np.rint((np.asarray(place)[:2] - self.corner) / self.cell).astype(int)

@@ -151,6 +151,9 @@ def _references(scene: SceneInput, bodies: list[str], stages: list[str]) -> Iter
             yield ("boundaries", name, "where", "body"), boundary.where.body, "body", bodies
         if boundary.tie is not None and boundary.tie.to.body is not None:
             yield ("boundaries", name, "tie", "to", "body"), boundary.tie.to.body, "body", bodies
+        if boundary.water is not None and boundary.water.obstacle is not None:
+            named = [c.name for c in scene.contacts if getattr(c, "name", None) is not None]
+            yield ("boundaries", name, "water", "obstacle"), boundary.water.obstacle, "named obstacle", named
     for k, stage in enumerate(scene.stages):
         for n, name in enumerate(stage.boundaries):
             yield ("stages", k, "boundaries", n), name, "boundary condition", scene.boundaries
@@ -274,16 +277,28 @@ def _water_problems(scene: SceneInput) -> Iterator[Problem]:
             yield Problem(("boundaries", name, "water"), message)
         if boundary.water is not None and {boundary.water.kind} & {"head", "rain"} and not any(scene.gravity or ()):
             yield Problem(("boundaries", name, "water"), f"{boundary.water.kind} needs gravity; give 'gravity'")
+    present = {getattr(c, "name", None): c.stages for c in scene.contacts}
     for k, stage in enumerate(scene.stages):
+        for n, name in enumerate(stage.boundaries):
+            faces = scene.boundaries[name].water if name in scene.boundaries else None
+            if faces is not None and stage.name not in (present.get(faces.obstacle) or [stage.name]):
+                message = f"the obstacle '{faces.obstacle}' is not there in this stage; give it the stage, or leave out"
+                yield Problem(("stages", k, "boundaries", n), f"{message} the boundary '{name}'")
         if stage.type == "quasi_static" and (water is None or water.drainage != "flowing"):
             message = "goes by the time in which water flows; give pore_water with 'drainage: flowing', or relax"
             yield Problem(("stages", k, "type"), message)
     if water is None:
         return
     if water.phreatic_line is not None and scene.dimension == 3:
-        message = "a line is for two dimensions; give a water_table, or let water flow from it to where it is to be"
+        message = "a line is for two dimensions; give a phreatic_surface, or a water_table"
         yield Problem(("pore_water", "phreatic_line"), message)
-    for name in ("water_table", "phreatic_line", "free_water"):
+    if water.phreatic_surface is not None:
+        if scene.dimension == 2:
+            yield Problem(("pore_water", "phreatic_surface"), "a raster is for three dimensions; give a phreatic_line")
+        elif scene.gravity is not None and (any(scene.gravity[:2]) or scene.gravity[2] > 0.0):
+            message = "heights of a raster go along z; let gravity be [0, 0, -g]"
+            yield Problem(("pore_water", "phreatic_surface"), message)
+    for name in ("water_table", "phreatic_line", "phreatic_surface", "free_water"):
         if getattr(water, name) is not None and not any(scene.gravity or ()):
             yield Problem(("pore_water", name), "a level of water needs gravity; give 'gravity', or a suction")
     for name in water.soils:

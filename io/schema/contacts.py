@@ -59,6 +59,9 @@ class WaterAtFaces(SceneModel):
     side: Literal["x-", "x+", "y-", "y+", "z-", "z+"] | None = key(
         "the faces that are meant; default all", default=None
     )
+    obstacle: Name | None = key(
+        "name of an obstacle: the faces that touch it are meant, in place of a side", default=None
+    )
 
     @model_validator(mode="after")
     def _is_one_kind(self):
@@ -69,6 +72,12 @@ class WaterAtFaces(SceneModel):
             raise ValueError(f"give exactly one of {', '.join(kinds)}; {found}")
         if self.rain is not None and min(self.rain.values) < 0.0:
             raise ValueError("rain must not be below 0; give a flux for what is taken out")
+        if self.obstacle is not None and self.side is not None:
+            raise ValueError("give side or obstacle, not both")
+        if self.obstacle is not None and self.rain is not None and max(self.rain.values) > 0.0:
+            raise ValueError(
+                "no rain falls where soil touches an obstacle; give rain: 0 for a drain, or head, pressure, flux"
+            )
         return self
 
     @property

@@ -2,11 +2,15 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, PrivateAttr, Strict, model_validator
 
-from periporo.io.schema.base import Coordinate, Flag, Motion, Name, Position, Real, SceneModel, key
+from periporo.io.schema.base import Flag, Integer, Motion, Name, Position, Real, SceneModel, key
 from periporo.io.schema.files import ExistingFile
+from periporo.io.schema.ground import Heights
 
+BISHOP_NEEDS_RETENTION = (
+    "bishop without a retention curve: pores are always full, and the factor is 1; give retention, or leave out bishop"
+)
 _Factor = Annotated[float, Strict(), Field(ge=1e-4, le=1e4)]
 
 
@@ -52,6 +56,48 @@ class Retention(SceneModel):
         return self
 
 
+class Bishop(SceneModel):
+    """Bishop's factor chi of the pore pressure p in the effective stress sigma + chi p I; exactly one."""
+
+    power: Real | None = key("chi = S^power", "1", default=None, gt=0, le=100)
+    effective_power: Real | None = key(
+        "chi = S_e^effective_power, S_e the saturation above the residual one, over what it is in full pores", "1",
+        default=None, gt=0, le=100,
+    )  # fmt: skip
+    air_entry: Real | None = key(
+        "chi = (s/air_entry)^-0.55 at a suction s beyond it, else 1", "Pa", default=None, gt=0, le=1e9
+    )
+
+    @model_validator(mode="after")
+    def _is_one_kind(self):
+        if [self.power, self.effective_power, self.air_entry].count(None) != 2:
+            raise ValueError("give exactly one of: power, effective_power, air_entry; default is the saturation itself")
+        return self
+
+
+class PressureFile(SceneModel):
+    """Pressures of a file at its points, and around each of them linear: as what points of the scene begin with.
+
+    A CSV file headed x,y[,z] and names of columns, or a result file, of whose points the nearest count.
+    """
+
+    file: ExistingFile = key("file name, relative to the scene's folder: .csv or .vtkhdf")
+    column: Name = key("name of the column, or field", default="pore_pressure")
+    step: Integer | None = key("number of the output of a result file; default the last", default=None, ge=0)
+    _origin: tuple[float, ...] = PrivateAttr(default=())
+
+    @model_validator(mode="after")
+    def _has_outputs(self):
+        if self.step is not None and not self.is_result:
+            raise ValueError("step is for a result file (.vtkhdf); leave it out")
+        return self
+
+    @property
+    def is_result(self) -> bool:
+        """Whether it is a file of results."""
+        return self.file.endswith(".vtkhdf")
+
+
 class FreeWater(SceneModel):
     """Water at rest around the bodies: it presses on them, and lifts what is below its level."""
 
@@ -63,6 +109,7 @@ class Soil(SceneModel):
 
     porosity: Real | None = key("porosity, if the law has none", "1", default=None, gt=0, lt=1)
     retention: Retention | None = key("the retention curve", default=None)
+    bishop: Bishop | None = key("Bishop's factor", default=None)
     conductivity: Real | None = key("hydraulic conductivity of full pores", "m/s", default=None, gt=0, le=10)
     permeability: Real | None = key("permeability of full pores", "m^2", default=None, gt=0, le=1e-4)
 
@@ -76,9 +123,15 @@ class Soil(SceneModel):
 class PoreWater(SceneModel):
     """Water in the pores: its pressure at the start, and whether it can leave."""
 
-    suction: Real | None = key("the same suction everywhere", "Pa", default=None, ge=0, le=1e9)
-    water_table: Coordinate | None = key(
-        "level against gravity below which pressure is that of water at rest", "m", default=None, place="level"
+    suction: Motion | None = key(
+        "the same suction everywhere: a number, or for drained water {times, values}", "Pa", default=None
+    )
+    water_table: Motion | None = key(
+        "level against gravity below which pressure is that of water at rest: a number, or for drained water "
+        "{times, values}",
+        "m",
+        default=None,
+        place="level",
     )
     phreatic_line: tuple[Position, ...] | None = key(
         "points of a water table that is not level, in two dimensions, from the left; level beyond the ends",
@@ -88,6 +141,12 @@ class PoreWater(SceneModel):
         min_length=2,
         max_length=1000,
     )
+    phreatic_surface: Heights | None = key(
+        "heights of a water table that is not level, in three dimensions: a raster; level beyond its edges",
+        "m",
+        default=None,
+    )
+    pressure: PressureFile | None = key("pressures that are known at points", "Pa", default=None)
     largest_suction: Real = key(
         "above the water table suction grows with height up to this", "Pa", default=0.0, ge=0, le=1e9
     )
@@ -110,6 +169,7 @@ class PoreWater(SceneModel):
     kozeny_carman: Flag = key("permeability follows the porosity, as phi^3/(1 - phi)^2", default=False)
     soils: dict[Name, Soil] = key("what differs in single materials, by their names", default={})
     retention: Retention | None = key("the retention curve; default: pores are always full", default=None)
+    bishop: Bishop | None = key("Bishop's factor; default: the saturation", default=None)
     porosity: Real | None = key("porosity of materials whose law has none", "1", default=None, gt=0, lt=1)
     free_water: FreeWater | None = key("water outside; default none", default=None)
     bulk_modulus: Real = key("bulk modulus of the water", "Pa", default=2.2e9, ge=1e3, le=1e12)
@@ -118,20 +178,36 @@ class PoreWater(SceneModel):
 
     @model_validator(mode="after")
     def _has_a_start(self):
-        if [self.suction, self.water_table, self.phreatic_line].count(None) != 2:
+        starts = [self.suction, self.water_table, self.phreatic_line, self.phreatic_surface, self.pressure]
+        if starts.count(None) != len(starts) - 1:
             raise ValueError(
-                "give exactly one of: suction (0 for full pores without pressure), water_table, phreatic_line"
+                "give exactly one of: suction (0 for full pores without pressure), water_table, phreatic_line, "
+                "phreatic_surface, pressure"
             )
-        if self.largest_suction > 0.0 and self.suction is not None:
-            raise ValueError("largest_suction belongs to a water_table; leave it out, or give one")
+        if self.largest_suction > 0.0 and (self.suction is not None or self.pressure is not None):
+            raise ValueError("largest_suction belongs to a water table; leave it out, or give one")
+        for name in ("suction", "water_table"):
+            history = getattr(self, name)
+            if history is not None and len(set(history.values)) > 1 and (self.drainage != "drained" or self.frozen):
+                raise ValueError(
+                    f"a history of {name} is for drained water that is not frozen; give a number, and where water "
+                    "flows let the head of a boundary change"
+                )
+        suctions = (0.0,) if self.suction is None else self.suction.values
+        if min(suctions) < 0.0:
+            raise ValueError(f"suction must not be below 0, not {min(suctions):g}; give a water_table for pressures")
         if self.conductivity is not None and self.permeability is not None:
             raise ValueError("give one of: conductivity in m/s, permeability in m^2")
-        largest = max(self.suction or 0.0, self.largest_suction)
+        largest = max(*suctions, self.largest_suction)
         if self.drainage != "drained" and largest >= 0.5 * self.bulk_modulus:
             raise ValueError(
                 f"a suction of {largest:g} Pa would pull water of a bulk_modulus of {self.bulk_modulus:g} Pa apart; "
                 "give a bulk_modulus that is at least twice as large"
             )
+        if self.retention is None:
+            unheld = self.bishop is not None and all(soil.retention is None for soil in self.soils.values())
+            if unheld or any(soil.bishop is not None and soil.retention is None for soil in self.soils.values()):
+                raise ValueError(BISHOP_NEEDS_RETENTION)
         if self.frozen and self.drainage != "drained":
             raise ValueError("frozen is for drained water; undrained water stays anyway: leave frozen out")
         return self

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from periporo.core.points.material import Material
+from periporo.core.water.bishop import bishop_of
 from periporo.core.water.pore_water import bonding_variable
 from periporo.core.water.retention import FULL, retention_of
 from periporo.errors import InputError, Problem
@@ -122,7 +123,8 @@ def _prepared(law: Material, test: Test) -> tuple[Material, SpecimenWater | None
         raise InputError(test.name, [Problem(("porosity",), message)])
     model = test.water or SpecimenWaterInput()
     curve = retention_of(model.retention)
-    water = SpecimenWater(porosity, curve, model.bulk_modulus, model.pressure)
+    factors = np.array([bishop_of(model.bishop, curve)])
+    water = SpecimenWater(porosity, curve, factors, model.bulk_modulus, model.pressure)
     if curve.kind != FULL and hasattr(law, "for_unsaturated"):
         pressure, saturation = water.at(np.zeros(1))
         law = law.for_unsaturated(float(bonding_variable(np.maximum(-pressure, 0.0), saturation)[0]))

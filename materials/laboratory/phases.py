@@ -16,7 +16,7 @@ from periporo.errors import InputError, Problem
 from periporo.io.input.yaml_source import YamlSource, read_yaml
 from periporo.io.schema.base import Integer, Name, Pressure, Real, SceneModel, key
 from periporo.io.schema.errors import problems_of
-from periporo.io.schema.water import Retention
+from periporo.io.schema.water import BISHOP_NEEDS_RETENTION, Bishop, Retention
 from periporo.materials.laboratory.columns import STOPPABLE
 from periporo.materials.laboratory.point import Control, MaterialPoint
 
@@ -92,6 +92,13 @@ class SpecimenWaterInput(SceneModel):
     pressure: Pressure = key("pressure at the start, negative is suction", "Pa", default=0.0)
     bulk_modulus: Real = key("bulk modulus of the water", "Pa", default=2.2e9, ge=1e3, le=1e12)
     retention: Retention | None = key("the retention curve; default: pores are always full", default=None)
+    bishop: Bishop | None = key("Bishop's factor; default: the saturation", default=None)
+
+    @model_validator(mode="after")
+    def _can_lose_water(self):
+        if self.bishop is not None and self.retention is None:
+            raise ValueError(BISHOP_NEEDS_RETENTION)
+        return self
 
 
 class PhasedTest(SceneModel):

@@ -1,12 +1,13 @@
 """Water in the pores of a specimen: full or partly so, at a prescribed pressure or shut in.
 
-The law sees effective stress, sigma_bar = sigma + S p I with the pore pressure p (compression positive, suction is -p);
-pressure and saturation follow as in a scene (`periporo.core.water`), from the specimen's volume by its logarithmic
-strain.
+The law sees effective stress, sigma_bar = sigma + S p I, or another factor of Bishop's than S, with the pore pressure
+p (compression positive, suction is -p); pressure and saturation follow as in a scene (`periporo.core.water`), from the
+specimen's volume by its logarithmic strain.
 """
 
 import numpy as np
 
+from periporo.core.water.bishop import pore_stress
 from periporo.core.water.content import fill_content, fill_pressure
 from periporo.core.water.pore_water import bonding_variable
 from periporo.core.water.retention import Retention, packed, saturations
@@ -16,14 +17,15 @@ class SpecimenWater:
     """Water of a specimen that had the volume 1 m^3 at the start.
 
     `drained` water has the `pressure` Pa that is set; after `shut` it keeps its content, and pressure follows the
-    volume, by the `bulk_modulus` Pa of the water and the retention `curve`.
+    volume, by the `bulk_modulus` Pa of the water and the retention `curve`. `factors` (1, 3) is Bishop's
+    (`periporo.core.water.bishop`).
     """
 
-    def __init__(self, porosity: float, curve: Retention, bulk_modulus: float, pressure: float):
+    def __init__(self, porosity: float, curve: Retention, factors: np.ndarray, bulk_modulus: float, pressure: float):
         self.pressure = float(pressure)
         self.drained = True
         self._initial = np.array([float(porosity)])
-        self._curves = packed([curve])
+        self._curves, self._factors = packed([curve]), factors
         self._bulk = float(bulk_modulus)
         self._content = np.zeros(1)
 
@@ -51,9 +53,9 @@ class SpecimenWater:
         return pressure, saturation
 
     def pore_stress(self, volumetric: np.ndarray) -> np.ndarray:
-        """What the water adds to the laws' normal stress, -S p, (n,) Pa at volumetric strains (n,)."""
+        """What the water adds to the laws' normal stress, -chi p, (n,) Pa at volumetric strains (n,)."""
         pressure, saturation = self.at(volumetric)
-        return -saturation * pressure
+        return pore_stress(self._factors, np.zeros(len(pressure), np.int64), pressure, saturation)
 
     def bonding(self, volumetric: float) -> float:
         """The bonding variable xi of the suction."""

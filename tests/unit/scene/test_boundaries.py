@@ -15,7 +15,7 @@ TOP = {"lower": [None, 0.06]}
 
 def boundary(scene_of, entry, moving=True, folder=".", **keys):
     scene = parse_scene(scene_of(boundaries={"it": entry}, **keys), folder)
-    return build_boundary(scene, "it", build_lattices(scene), moving, MPI.COMM_SELF), scene
+    return build_boundary(scene, "it", build_lattices(scene), moving, MPI.COMM_SELF, {}), scene
 
 
 def test_histories():

@@ -16,7 +16,7 @@ from periporo.io.schema.base import SceneModel
 FAR = np.array([500_000.0, 4_000_000.0])
 LENGTHS = {"spacing", "radius", "height", "displacement", "thickness", "width", "length"}
 """Keys in metres that are no places."""
-FILES = {"ground", "surface", "corner", "cell"}
+FILES = {"ground", "surface", "corner", "cell", "phreatic_surface"}
 """Those of rasters, which move when they are read."""
 
 DEPTHS = {("_Table", "at"), ("DepthField", "at")}  # below the surface, while the levels of another field are places

@@ -140,7 +140,7 @@ def test_what_undrained_water_needs_is_said(scene_of, started):
     for water, words in (
         ({"porosity": 0.4}, "exactly one of"),
         ({"suction": 0, "water_table": 1.0}, "exactly one of"),
-        ({"suction": 0, "largest_suction": 1e3}, "belongs to a water_table"),
+        ({"suction": 0, "largest_suction": 1e3}, "belongs to a water table"),
         (FULL | {"frozen": True}, "frozen is for drained water"),
     ):
         with pytest.raises(InputError, match=words):
