@@ -65,7 +65,7 @@ class TriangleSurface:
         gap, normal = np.empty(len(position)), np.empty((len(position), 3))
         tree = self.tree
         mesh_gap(
-            tree.corners, tree.triangles, tree.borders, tree.lower, tree.upper, np.ascontiguousarray(position),
+            tree.corners, tree.triangles, tree.borders, tree.boxes, np.ascontiguousarray(position),
             self.reach, self.within, gap, normal,
         )  # fmt: skip
         return gap, normal

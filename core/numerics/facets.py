@@ -12,8 +12,8 @@ its two faces. What is near is looked at again from x + u until u is the same. T
 may be in reach, once for each half-space.
 
 Kernels of `core.numerics.heights` (rasters) and `core.numerics.meshes` bring the triangles. Arrays of a scan: `way`
-(MOST, 3) and `gap` (MOST,) m are the half-spaces; `best` (8,) the nearest place so far: x - c, |x - c|, the distance s
-of x from the plane of its triangle, and the normal.
+(MOST, 3) and `gap` (MOST,) m are the half-spaces; `best` (10,) the nearest place so far: x - c, |x - c|, the distance s
+of x from the plane of its triangle, the normal, how far away the nearest is at most, and whether others are as near.
 """
 
 import numpy as np
@@ -30,6 +30,7 @@ PLAIN = 0.5
 """Reaches above which one place that is in reach cannot hide another, whatever the angle between their faces."""
 TOLERANCE = 1e-9
 """Of lengths, over the radius of the ball."""
+_ALONE, _EQUAL, _CHOSEN = 0.0, 1.0, 2.0  # the nearest place; one of several; the one of these that is wanted
 
 
 @inlined
@@ -70,17 +71,46 @@ def nearest_place(x, y, z, ax, ay, az, bx, by, bz, cx, cy, cz):
 
 
 @inlined
+def begin(best, bound):
+    """Look for the nearest place anew, which lies at most `bound` m away, if anything is known of it."""
+    best[3], best[4], best[8], best[9] = np.inf, 0.0, bound, _ALONE
+
+
+@inlined
+def must_choose(best):
+    """Whether other places are as near as the one that was found, so that one must look again, to choose among them.
+
+    Which of them it is may not depend on the order in which triangles are offered.
+    """
+    if best[9] != _EQUAL:
+        return False
+    best[8], best[3], best[4], best[9] = best[3], np.inf, 0.0, _CHOSEN
+    return True
+
+
+@inlined
 def offer(x, y, z, ax, ay, az, bx, by, bz, cx, cy, cz, open_edge, reach, radius, way, gap, count, best):
     """Take a triangle for `best` if its place is the nearest that `count` half-spaces do not keep away.
 
     It is looked for within `radius`, and all but the first within `reach`. `open_edge` has the bit 1 << k if the
     feature k (see `nearest_place`) is a border of the surface: who is behind the plane beside it is behind nothing.
     """
+    small = TOLERANCE * reach
+    for j in range(count):  # what keeps all corners away keeps away what lies between them
+        a = (x - ax) * way[j, 0] + (y - ay) * way[j, 1] + (z - az) * way[j, 2]
+        b = (x - bx) * way[j, 0] + (y - by) * way[j, 1] + (z - bz) * way[j, 2]
+        c = (x - cx) * way[j, 0] + (y - cy) * way[j, 1] + (z - cz) * way[j, 2]
+        if min(min(a, b), c) >= gap[j] - 0.5 * small:
+            return
     px, py, pz, feature = nearest_place(x, y, z, ax, ay, az, bx, by, bz, cx, cy, cz)
     wx, wy, wz = x - px, y - py, z - pz
     square = wx * wx + wy * wy + wz * wz
-    if not square < radius * radius:
+    farthest = min(radius, best[8] + small)
+    if not square < radius * radius or square > farthest * farthest:
         return
+    for j in range(count):
+        if wx * way[j, 0] + wy * way[j, 1] + wz * way[j, 2] >= gap[j] - small:
+            return
     distance = np.sqrt(square)
     nx = (by - ay) * (cz - az) - (bz - az) * (cy - ay)
     ny = (bz - az) * (cx - ax) - (bx - ax) * (cz - az)
@@ -88,7 +118,6 @@ def offer(x, y, z, ax, ay, az, bx, by, bz, cx, cy, cz, open_edge, reach, radius,
     length = np.sqrt(nx * nx + ny * ny + nz * nz)
     nx, ny, nz = nx / length, ny / length, nz / length
     s = (x - ax) * nx + (y - ay) * ny + (z - az) * nz
-    small = TOLERANCE * reach
     below = distance - abs(s) <= small  # the point is right above or below
     if count == 0:
         if s < 0.0 and feature >= 0 and (open_edge >> feature) & 1:
@@ -98,12 +127,16 @@ def offer(x, y, z, ax, ay, az, bx, by, bz, cx, cy, cz, open_edge, reach, radius,
             return
         if (s if below else distance) >= reach:
             return
-        for j in range(count):
-            if wx * way[j, 0] + wy * way[j, 1] + wz * way[j, 2] >= gap[j] - small:
-                return
-    if distance < best[3] - small or (distance <= best[3] + small and abs(s) > abs(best[4])):
-        best[0], best[1], best[2], best[3], best[4] = wx, wy, wz, distance, s
-        best[5], best[6], best[7] = nx, ny, nz
+    if best[9] == _CHOSEN:  # the steepest of those that are equally near, and the first of these
+        if distance > best[8] + small or (best[3] < np.inf and abs(s) <= abs(best[4])):
+            return
+    else:
+        best[9] = _ALONE if distance < best[3] - small else _EQUAL
+        if distance >= best[3]:
+            return
+        best[8] = distance
+    best[0], best[1], best[2], best[3], best[4] = wx, wy, wz, distance, s
+    best[5], best[6], best[7] = nx, ny, nz
 
 
 @inlined
@@ -121,6 +154,14 @@ def accept(best, reach, way, gap, count):
         way[count, a] = sign * best[a] / distance
     gap[count] = sign * distance
     return count + 1
+
+
+@inlined
+def radius_of_others(gap, reach, seen, radius):
+    """Within which places beside the nearest are looked for, if that is at `gap` m."""
+    if gap >= 0.0:
+        return seen  # nothing is right above
+    return TOUCHING * reach if gap > -TOUCHING * reach else radius
 
 
 @inlined

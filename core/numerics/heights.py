@@ -7,7 +7,19 @@ of its border. Triangles are made on the way: nothing else is stored.
 
 import numpy as np
 
-from periporo.core.numerics.facets import LOOKS, MOST, PLAIN, TOUCHING, accept, improve, offer
+from periporo.core.numerics.facets import (
+    LOOKS,
+    MOST,
+    PLAIN,
+    TOLERANCE,
+    TOUCHING,
+    accept,
+    begin,
+    improve,
+    must_choose,
+    offer,
+    radius_of_others,
+)  # fmt: skip
 from periporo.core.numerics.jit import inlined, kernel
 
 
@@ -56,7 +68,7 @@ def height_gap(level, corner, cell, holes, position, reach, within, gap, normal)
     that of the plane right above it below. It is NaN right above or below `holes`, if there are any. See
     `core.numerics.facets`.
     """
-    way, gaps, best, u = np.zeros((MOST, 3)), np.zeros(MOST), np.zeros(8), np.zeros(3)
+    way, gaps, best, u = np.zeros((MOST, 3)), np.zeros(MOST), np.zeros(10), np.zeros(3)
     need, new = np.zeros(MOST), np.zeros(3)
     above, slope = np.zeros(1), np.zeros((1, 3))
     for n in range(position.shape[0]):
@@ -67,19 +79,20 @@ def height_gap(level, corner, cell, holes, position, reach, within, gap, normal)
         for look in range(LOOKS):
             seen = reach if look == 0 else TOUCHING * reach
             y0, y1, y2 = x + u[0], y + u[1], z + u[2]
-            count, radius = 0, TOUCHING * reach
+            count, radius = 0, within if look == 0 else TOUCHING * reach
             while count < MOST:
-                best[3], best[4] = np.inf, 0.0
-                _scan(level, corner, cell, y0, y1, y2, seen, radius, way, gaps, count, best)
+                begin(best, _way_down(level, corner, cell, y0, y1, y2) if count == 0 else np.inf)
+                for _ in range(2):
+                    _scan(level, corner, cell, y0, y1, y2, seen, radius, way, gaps, count, best)
+                    if not must_choose(best):
+                        break
                 now = accept(best, reach, way, gaps, count)
-                if now == count and count == 0 and look == 0 and radius < within:
-                    radius = within  # nothing is near: look farther
-                    continue
                 if now == count:
                     break
                 count = now
                 if not gaps[0] < seen:
                     break
+                radius = radius_of_others(gaps[0], reach, seen, radius)
             if look == 0 and count > 0:
                 gap[n] = gaps[0]
                 for a in range(3):
@@ -102,19 +115,39 @@ def height_gap(level, corner, cell, holes, position, reach, within, gap, normal)
 
 
 @inlined
+def _way_down(level, corner, cell, x, y, z):
+    """Way (m) to the surface right above or below, infinite where there is none."""
+    u, v = (x - corner[0]) / cell[0], (y - corner[1]) / cell[1]
+    if not np.isfinite(u + v):
+        return np.inf
+    i, j = int(np.floor(u)), int(np.floor(v))
+    u, v = u - i, v - j
+    low, high = _at(level, i, j), _at(level, i + 1, j + 1)
+    side = _at(level, i + 1, j) if u >= v else _at(level, i, j + 1)
+    way = abs(z - low - max(u, v) * (side - low) - min(u, v) * (high - side))
+    return way if np.isfinite(way) else np.inf
+
+
+@inlined
 def _scan(level, corner, cell, x, y, z, reach, radius, way, gap, count, best):
     """Offer both triangles of every cell in reach."""
+    small = 2.0 * TOLERANCE * reach
+    radius = min(radius, best[8] + small)
     first = int(np.floor((x - radius - corner[0]) / cell[0]))
     last = int(np.floor((x + radius - corner[0]) / cell[0]))
     low, high = int(np.floor((y - radius - corner[1]) / cell[1])), int(np.floor((y + radius - corner[1]) / cell[1]))
     for j in range(low, high + 1):
         y0 = corner[1] + j * cell[1]
         y1 = corner[1] + (j + 1) * cell[1]
+        dy = max(max(y0 - y, y - y1), 0.0)
         for i in range(first, last + 1):
             x0 = corner[0] + i * cell[0]
             x1 = corner[0] + (i + 1) * cell[0]
             a, b, c, d = _at(level, i, j), _at(level, i + 1, j), _at(level, i + 1, j + 1), _at(level, i, j + 1)
-            if z - radius > max(max(a, b), max(c, d)) or z + radius < min(min(a, b), min(c, d)):
+            dx = max(max(x0 - x, x - x1), 0.0)
+            dz = max(max(min(min(a, b), min(c, d)) - z, z - max(max(a, b), max(c, d))), 0.0)
+            farthest = min(radius, best[8] + small)
+            if dx * dx + dy * dy + dz * dz > farthest * farthest:
                 continue
             if not np.isnan(a + b + c):
                 offer(x, y, z, x0, y0, a, x1, y0, b, x1, y1, c, 0, reach, radius, way, gap, count, best)

@@ -40,7 +40,7 @@ def _read_raster(model: RasterFile) -> list[np.ndarray]:
 def _read_mesh(name: str, origin: tuple[float, ...]) -> list[np.ndarray]:
     mesh = read_mesh(name, origin)
     tree = mesh.tree
-    return [tree.corners, tree.triangles, tree.borders, tree.lower, tree.upper, np.array([mesh.closed])]
+    return [tree.corners, tree.triangles, tree.borders, tree.boxes, np.array([mesh.closed])]
 
 
 def _files(scene) -> tuple[list[RasterFile], list[tuple[str, tuple[float, ...]]]]:

@@ -30,7 +30,7 @@ class Mesh:
         """How often it lies around `positions` (n, 3); not 0 or 1 where it crosses itself."""
         found = np.zeros(len(positions), np.int64)
         tree = self.tree
-        windings(tree.corners, tree.triangles, tree.lower, tree.upper, np.ascontiguousarray(positions), found)
+        windings(tree.corners, tree.triangles, tree.boxes, np.ascontiguousarray(positions), found)
         return found
 
 

@@ -121,7 +121,7 @@ def _near_mesh(mesh: Surface, positions: np.ndarray, distance: float) -> np.ndar
     gap, normal = np.empty(len(positions)), np.empty((len(positions), 3))
     tree = mesh.tree
     mesh_gap(
-        tree.corners, tree.triangles, tree.borders, tree.lower, tree.upper, np.ascontiguousarray(positions), distance,
+        tree.corners, tree.triangles, tree.borders, tree.boxes, np.ascontiguousarray(positions), distance,
         distance, gap, normal,
     )  # fmt: skip
     return np.isfinite(gap)

@@ -65,6 +65,25 @@ def test_a_slope_of_triangles_is_a_plane_also_over_its_seams():
         assert normal[near] == pytest.approx(out[near], abs=1e-8)
 
 
+def test_a_triangle_is_found_wherever_it_lies_and_whatever_else_is_asked():
+    """The nearest of loose triangles of many sizes, against all distances; one place alone as among others."""
+    rng, n = np.random.default_rng(7), 60
+    size = rng.uniform(0.05, 1.0, (n, 1, 1))
+    corners = rng.uniform(0.0, 8.0, (n, 1, 3)) + size * rng.normal(0.0, 1.0, (n, 3, 3))
+    surface = TriangleSurface(plant(corners.reshape(-1, 3), np.arange(3 * n).reshape(-1, 3), np.zeros(n, int)), **NEAR)
+    share = np.array([[a, b] for a in np.linspace(0.0, 1.0, 31) for b in np.linspace(0.0, 1.0, 31) if a + b < 1.01])
+    places = rng.uniform(0.0, 8.0, (100, 3))
+    ways = corners[:, :1] + share @ (corners[:, 1:] - corners[:, :1]) - places[:, None, None]
+    distance = np.sqrt((ways**2).sum(axis=-1)).min(axis=(1, 2))
+    gap, normal = surface.gap(places)
+    far = (distance > R + 0.05) & (distance < 1.9) & (gap > 0.0)  # who is behind, or touches, is led out by several
+    assert far.sum() > 15 and np.abs(gap[far]) == pytest.approx(distance[far], abs=0.01)
+    assert np.isinf(gap[distance > 2.05]).all()
+    alone = [surface.gap(place[None]) for place in places[:40]]
+    assert np.concatenate([g for g, _ in alone]).tolist() == gap[:40].tolist()
+    assert np.concatenate([n for _, n in alone]).tolist() == normal[:40].tolist()
+
+
 def valley(sign=1.0):
     x = np.arange(7.0)
     return field(sign * np.tile(np.abs(x - 3.0), (5, 1)))
@@ -150,7 +169,7 @@ def test_windings_count_how_often_a_surface_lies_around_a_place():
     both = plant(np.concatenate([corners, other]), np.concatenate([triangles, triangles + 8]), np.zeros(24, np.int64))
     count = np.empty(5, np.int64)
     places = np.array([[0.25, 0.25, 0.25], [0.75, 0.75, 0.75], [1.2, 1.2, 1.2], [0.25, 1.25, 0.5], [0.5, 0.5, 0.1]])
-    windings(both.corners, both.triangles, both.lower, both.upper, places, count)
+    windings(both.corners, both.triangles, both.boxes, places, count)
     assert count.tolist() == [1, 2, 1, 0, 1]  # the last ray runs through a corner and along diagonals
 
 
