@@ -49,6 +49,7 @@ class Reaction:
         self.peak = 0.0  # N, largest force since it was last told
         self.power = 0.0
         self.rows = np.zeros((0, self.loads.size))
+        self._points = np.empty(0, np.int64)  # rows of the points that these belong to
         self._before, self._step = np.zeros((0, 0)), np.zeros(self.loads.shape[1])
         self._shift = np.zeros(d)
 
@@ -60,7 +61,7 @@ class Reaction:
         """Fill `rows` with what it added, in a step of `dt` s in which the obstacle moved."""
         gained = self._forces(p, rows) - self._before
         reference = self.about if after is None else after.reference
-        self.rows = np.zeros((len(rows), self.loads.size))
+        self.rows, self._points = np.zeros((len(rows), self.loads.size)), rows
         _add_loads(gained, p.position[rows] - reference, self.rows, self.dimension)
         if before is not None and after is not None:
             speed = (after.shift - before.shift) / dt if dt > 0.0 else np.zeros(self.dimension)
@@ -79,6 +80,17 @@ class Reaction:
     def vanish(self) -> None:
         """Bear nothing: the obstacle is not there."""
         self.loads[:], self.power = 0.0, 0.0
+        self.rows, self._points = self.rows[:0], self._points[:0]
+
+    @property
+    def derived(self) -> dict:
+        """What may be written of points: the force of each on the obstacle, (owned, d) N."""
+        return {f"force_on_{self.name}": (self.dimension, "N", self._on_obstacle)}
+
+    def _on_obstacle(self, p, n):
+        forces, d, width = np.zeros((n, self.dimension)), self.dimension, self.loads.shape[1]
+        forces[self._points] = self.rows[:, :d] + self.rows[:, width : width + d]
+        return forces
 
     @property
     def units(self) -> dict[str, str]:

@@ -12,7 +12,7 @@ from periporo.core.numerics.jit import kernel
 from periporo.core.points.departures import GONE
 from periporo.core.points.material import Material
 from periporo.core.points.neighbours import Pairs, original
-from periporo.core.points.particles import Field, Particles, rows_of
+from periporo.core.points.particles import INHERITED, Field, Particles, rows_of
 from periporo.core.ranks.halving import exchange_rows
 
 _NO_POINTS = np.empty(0, np.int64)
@@ -51,6 +51,7 @@ class Bonds:
         self.links = Rows(PairRows(), len(materials), 1, 0) if layout.linked else None
         self.incidence_start = np.zeros(1, np.int64)
         self.incidence = np.empty(0, np.int32)
+        self.inherits = False  # whether rows without a past have the stress that their points had in another material
         self.initial_stress_is_total = False  # of wet soil: the laws' is that without the water's
         # stress (n, 4|6) of rows without a past, as a function of their places (n, d)
         self.initial_stress: Callable[[np.ndarray], np.ndarray] | None = None
@@ -268,6 +269,9 @@ class Bonds:
         return first[place[rows]], second[place[rows]]
 
     def _stress_from_nothing(self, particles, first, second):
+        if self.inherits:
+            stress = getattr(particles, INHERITED)
+            return 0.5 * (stress[first] + stress[second])
         if self.initial_stress is None:
             return np.zeros((len(first), particles.components))
         stress = self.initial_stress(0.5 * (particles.position[first] + particles.position[second]))

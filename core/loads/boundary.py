@@ -159,25 +159,29 @@ class DisplacementHistory(VelocityHistory):
 
 
 class Gravity:
-    """Weight of every point, m g."""
+    """Weight of every point, m g, times a `factor` of the time if there is one."""
 
-    def __init__(self, acceleration: np.ndarray):
-        self.acceleration = np.asarray(acceleration, float)
+    def __init__(self, acceleration: np.ndarray, factor: Callable[[float], float] | None = None):
+        self.acceleration, self.factor = np.asarray(acceleration, float), factor
 
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Add to the external force."""
-        _add_weight(p.owned, p.mass, self.acceleration, p.external_force, p.dim)
+        acceleration = self.acceleration if self.factor is None else self.factor(time) * self.acceleration
+        _add_weight(p.owned, p.mass, acceleration, p.external_force, p.dim)
 
 
 class Traction:
     """A dead load, a `force` (ids, d) N (per metre of a ring's face) on a face of each of the points `ids`, sorted.
 
     The faces are `lever` (ids, d) m away from their points when the scene begins, and turn with them from then on, in
-    the point field `face_<name>`.
+    the point field `face_<name>`. A `factor` of the time multiplies the force.
     """
 
-    def __init__(self, name: str, ids: np.ndarray, force: np.ndarray, lever: np.ndarray):
-        self.name = name
+    def __init__(
+        self, name: str, ids: np.ndarray, force: np.ndarray, lever: np.ndarray,
+        factor: Callable[[float], float] | None = None,
+    ):  # fmt: skip
+        self.name, self.factor = name, factor
         self.ids = ids
         self.force = force
         self.lever = lever
@@ -204,8 +208,11 @@ class Traction:
 
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Add to the external force."""
+        rows, force = self._rows(p)
+        if self.factor is not None:
+            force = self.factor(time) * force
         _load_faces(
-            *self._rows(p), getattr(p, self.face), p.share, p.widths(), p.external_force, p.external_moment, p.dim
+            rows, force, getattr(p, self.face), p.share, p.widths(), p.external_force, p.external_moment, p.dim
         )
 
     def _rows(self, p):

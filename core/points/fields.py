@@ -94,8 +94,9 @@ def _of_processes(sim) -> list[str]:
 
 
 def _derived(sim) -> dict:
-    """What point processes make of their fields: name -> (columns, unit, function of particles and owned count)."""
-    return {name: entry for process in sim.point_processes for name, entry in getattr(process, "derived", {}).items()}
+    """What point processes and obstacles make of points: name -> (columns, unit, function of particles and owned)."""
+    parts = (*sim.point_processes, *sim.reactions)
+    return {name: entry for part in parts for name, entry in getattr(part, "derived", {}).items()}
 
 
 def values(sim, names) -> dict[str, np.ndarray]:

@@ -9,6 +9,8 @@ import numpy as np
 from periporo.core.numerics.algebra import DIMENSION
 from periporo.core.numerics.tensors import INDEX_PAIRS, component_count
 
+INHERITED = "inherited_stress"
+"""Stress that a point had in the material that it was of before."""
 RING = "width"
 """The field of `Particles.widths`."""
 

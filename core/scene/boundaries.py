@@ -78,9 +78,12 @@ def _water_at_faces(scene, ids, water, obstacles):
     if water.side is not None:
         side = np.eye(scene.dimension)["xyz".index(water.side[0])] * (1.0 if water.side[1] == "+" else -1.0)
     obstacle = None if water.obstacle is None else obstacles[water.obstacle]
-    return WaterBoundary(
-        ids, water.kind, lambda time: float(np.interp(time, history.times, history.values)), side, obstacle
-    )  # fmt: skip
+    return WaterBoundary(ids, water.kind, over_time(history), side, obstacle)
+
+
+def over_time(history):
+    """The function of time that an entry describes, None for none."""
+    return None if history is None else lambda time: float(np.interp(time, history.times, history.values))
 
 
 def _standstill(time, dt):
@@ -112,7 +115,11 @@ def _selected(scene, region, lattices):
     for body, lattice in zip(scene.bodies, lattices, strict=True):
         if region.body in (None, body.name):
             corners = np.maximum(lower, lattice.lower - 1), np.minimum(upper, lattice.upper + 1)
-            sites.append((lattice, *lattice.sites_within(*corners)[:2]))
+            ids, place, _, material = lattice.sites_within(*corners)
+            if region.material is not None:
+                own = material == list(scene.materials).index(region.material)
+                ids, place = ids[own], place[own]
+            sites.append((lattice, ids, place))
     return sites
 
 
@@ -122,7 +129,8 @@ def _traction(scene, name, model, sites):
     ids, reach, area = _outermost(scene, sites, axis, sign)
     order = np.argsort(ids)
     lever = reach[order, None] * sign * np.eye(scene.dimension)[axis]
-    return Traction(name, ids[order], np.array(model.stress) * area[order, None], lever)
+    force = np.array(model.stress) * area[order, None]
+    return Traction(name, ids[order], force, lever, over_time(model.factor))
 
 
 def _tied(scene, name, axes, sites, comm):

@@ -17,6 +17,7 @@ from periporo.core.correspondence.sub_horizon_published import SubHorizonPublish
 from periporo.core.loads.boundary import Traction
 from periporo.core.loads.reactions import BoundaryReactions
 from periporo.core.motion.added_inertia import AddedInertia
+from periporo.core.motion.construction import Construction
 from periporo.core.motion.dissipation import PlasticDissipation, reports
 from periporo.core.motion.nonlocal_strain import NonlocalStrain, averaged
 from periporo.core.motion.quasi_static import QuasiStaticStage
@@ -168,6 +169,8 @@ def _attach_stages(scene, sim):
     """Fields and forces that the stages of the scene need."""
     if any(stage.type not in STILL and stage.damping.viscous > 0.0 for stage in scene.stages):
         sim.forces.need("damping")
+    if any(stage.change for stage in scene.stages):
+        Construction.attach(sim.particles)
     types = {stage.type for stage in scene.stages}
     for kind, stage in (
         ("relax", RelaxStage), ("quasi_static", QuasiStaticStage), ("strength_reduction", StrengthReductionStage),

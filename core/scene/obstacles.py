@@ -12,7 +12,7 @@ from periporo.contact.rigid import FAR, RigidContact
 from periporo.contact.search import Search
 from periporo.contact.terrain import HeightField, TriangleSurface
 from periporo.core.numerics.histories import Course
-from periporo.core.scene.boundaries import corrected
+from periporo.core.scene.boundaries import corrected, over_time
 from periporo.io.geometry.meshes import read_mesh
 from periporo.io.geometry.rasters import read_raster
 
@@ -149,13 +149,9 @@ def _prescribed(model, about) -> Motion:
 def _free_motion(scene, free, solid) -> Free:
     density = free.density if free.density is not None else free.mass / solid.volume
     forces = {} if free.force is None else free.force.histories()
-    given = {"xyz".index(a): _over_time(h) for a, h in forces.items()}
+    given = {"xyz".index(a): over_time(h) for a, h in forces.items()}
     held = ["xyz".index(name) if name in "xyz" else name for name in free.hold]
     return Free(
         solid.centre, density * solid.volume, density * solid.inertia, solid.radius, scene.vector(scene.gravity),
         force=given, held=held, velocity=scene.vector(free.velocity),
     )  # fmt: skip
-
-
-def _over_time(history):
-    return lambda time: float(np.interp(time, history.times, history.values))

@@ -7,7 +7,7 @@ from periporo.core.loads.boundary import Gravity, PrescribedMotion, ViscousDampi
 from periporo.core.loads.tied import Tied
 from periporo.core.motion.quasi_static import QuasiStaticStage
 from periporo.core.motion.stages import DynamicsStage, RelaxStage
-from periporo.core.scene.boundaries import build_boundary, hold
+from periporo.core.scene.boundaries import build_boundary, hold, over_time
 from periporo.core.scene.contacts import is_present
 from periporo.core.watch.strength import StrengthReductionStage
 from periporo.core.water.boundaries import WaterBoundary
@@ -19,7 +19,7 @@ def build_stage(scene, sim, stage, contacts, free_water, lattices):
     """The stage that the model `stage` describes, of those `contacts` (model, contact) that are present in it."""
     motions, ties, loads, inflows = [], [], [*free_water], []
     if scene.gravity is not None:
-        loads.append(Gravity(scene.vector(scene.gravity)))
+        loads.append(Gravity(scene.vector(scene.gravity), over_time(stage.gravity_factor)))
     obstacles = {model.name: contact for model, contact in contacts if getattr(model, "name", None) is not None}
     for name in stage.boundaries:
         boundary = build_boundary(scene, name, lattices, stage.type not in STILL, sim.comm, obstacles)

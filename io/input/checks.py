@@ -27,7 +27,8 @@ def scene_problems(scene: SceneInput) -> list[Problem]:
     """Contradictions within a scene whose parts are valid each for itself."""
     problems = [*_dimension_problems(scene), *_order_problems(scene), *_name_problems(scene)]
     problems += [*_gravity_problems(scene), *_motion_problems(scene), *_strength_problems(scene)]
-    problems += [*_water_problems(scene), *_sleep_problems(scene), *ring_problems(scene), *image_problems(scene)]
+    problems += [*_construction_problems(scene), *_water_problems(scene), *_sleep_problems(scene)]
+    problems += [*ring_problems(scene), *image_problems(scene)]
     return problems or list(geometry_problems(scene))
 
 
@@ -146,22 +147,22 @@ def _references(scene: SceneInput, bodies: list[str], stages: list[str]) -> Iter
         yield ("bodies", k, "material"), body.material, "material", scene.materials
         for n, layer in enumerate(body.layers):
             yield ("bodies", k, "layers", n, "material"), layer.material, "material", scene.materials
+    named = [c.name for c in scene.contacts if getattr(c, "name", None) is not None]
     for name, boundary in scene.boundaries.items():
-        if boundary.where.body is not None:
-            yield ("boundaries", name, "where", "body"), boundary.where.body, "body", bodies
-        if boundary.tie is not None and boundary.tie.to.body is not None:
-            yield ("boundaries", name, "tie", "to", "body"), boundary.tie.to.body, "body", bodies
         if boundary.water is not None and boundary.water.obstacle is not None:
-            named = [c.name for c in scene.contacts if getattr(c, "name", None) is not None]
             yield ("boundaries", name, "water", "obstacle"), boundary.water.obstacle, "named obstacle", named
     for k, stage in enumerate(scene.stages):
         for n, name in enumerate(stage.boundaries):
             yield ("stages", k, "boundaries", n), name, "boundary condition", scene.boundaries
         for n, name in enumerate(stage.place):
             yield ("stages", k, "place", n), name, "body", bodies
-        for n, region in enumerate(stage.remove):
-            if region.body is not None:
-                yield ("stages", k, "remove", n, "body"), region.body, "body", bodies
+        for n, change in enumerate(stage.change):
+            yield ("stages", k, "change", n, "into"), change.into, "material", scene.materials
+    for path, part in _parts(scene):
+        if isinstance(part, Region) and part.body is not None:
+            yield (*path, "body"), part.body, "body", bodies
+        if isinstance(part, Region) and part.material is not None:
+            yield (*path, "material"), part.material, "material", scene.materials
     for k, contact in enumerate(scene.contacts):
         for n, name in enumerate(contact.stages or ()):
             yield ("contacts", k, "stages", n), name, "stage", stages
@@ -209,6 +210,28 @@ def _motion_problems(scene: SceneInput) -> Iterator[Problem]:
                 path = ("boundaries", name, "displacement", axis)
                 message = f"must start from 0, or points would jump by {history.values[0]:g} m at once; "
                 yield Problem(path, message + "give {times: [..], values: [0, ..]}")
+
+
+def _construction_problems(scene: SceneInput) -> Iterator[Problem]:
+    """Materials that points cannot become, and gravity that changes where something counts on it."""
+    free = [k for k, contact in enumerate(scene.contacts) if getattr(contact, "free", None) is not None]
+    for k, stage in enumerate(scene.stages):
+        for n, change in enumerate(stage.change):
+            path = ("stages", k, "change", n)
+            if scene.pore_water is not None:
+                yield Problem(path, "soil with pore_water keeps its material: its pores hold water; leave it out")
+            if change.into in scene.materials and scene.materials[change.into].fields:
+                message = f"points cannot become '{change.into}', which varies from place to place; give it numbers"
+                yield Problem((*path, "into"), message)
+        if stage.gravity_factor is None:
+            continue
+        path = ("stages", k, "gravity_factor")
+        if not any(scene.gravity or ()):
+            yield Problem(path, "there is no gravity that it could multiply; give 'gravity'")
+        if scene.pore_water is not None:
+            yield Problem(path, "the weight of pore_water does not follow it; leave out one of them")
+        if free:
+            yield Problem(path, f"the weight of the free body contacts[{free[0]}] does not follow it; leave out one")
 
 
 def _record_problems(scene: SceneInput) -> Iterator[Problem]:

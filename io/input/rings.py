@@ -56,7 +56,7 @@ def _missing(scene):
         if lower < -_EDGE * scene.spacing:
             message = f"reaches to x = {lower:g}; rings have x > 0, the radius: give a half of the section"
             yield Problem(("bodies", k, "shape"), message)
-    if not any(c.type == "plane" and c.point[0] == 0.0 and c.normal[0] > 0.0 == c.normal[1] and c.friction == 0.0
+    if not any(c.type == "plane" and c.point[0] >= 0.0 and c.normal[0] > 0.0 == c.normal[1] and c.friction == 0.0
                and c.stages is None for c in scene.contacts):  # fmt: skip
         message = "rings need an axis: add {type: plane, point: [0, 0], normal: [1, 0], friction: 0}"
         yield Problem(("contacts",), message)

@@ -12,6 +12,7 @@ from periporo.core.numerics.cells import Cells
 from periporo.core.numerics.gravity import vertical_axis
 from periporo.io.output.parts import Parts, damage
 from periporo.io.output.profiles import along_line
+from periporo.io.output.surface_loads import SurfaceLoad, along_axis, along_outline
 from periporo.io.output.vtkhdf_layout import COUNTS, INDEX, Column, Index, folder_of, stored_columns
 from periporo.io.output.water_table import water_table
 
@@ -171,6 +172,29 @@ class Results:
             file["Types"][cell : cell + count],
         )
 
+    def surface(
+        self, name: str, step: int = -1, *, time: float | None = None, axis: str | None = None
+    ) -> SurfaceLoad:
+        """What the obstacle `name` bears along its outline (2D, Pa), or along an axis (N/m; in 3D the vertical one).
+
+        The file must hold the field `force_on_<name>`.
+        """
+        field, scene = f"force_on_{name}", self.configuration
+        if field not in self.fields:
+            raise ResultError(f"{self.path} holds no field {field!r}: add it to output.fields of the scene, where an "
+                              f"obstacle has the name {name!r}, and run it again")
+        number = _number_of(scene["contacts"], name)
+        drawn = [(kind, corners) for k, kind, corners in self.obstacles(step, time=time) if k == number]
+        if not drawn:
+            raise ResultError(f"{self.path}: the obstacle {name!r} is not there at this time")
+        forces, places = self.field(field, step, time=time), self.positions(step, time=time)
+        touching = forces.any(axis=1)
+        rows, spacing = (places[touching], forces[touching]), float(scene["spacing"])
+        if axis is None and self.dimension == 2:
+            return along_outline(drawn[0], *rows, spacing, bool(scene.get("axisymmetric")))
+        along = vertical_axis(scene.get("gravity"), self.dimension) if axis is None else "xyz".index(axis)
+        return along_axis(np.concatenate([corners for _, corners in drawn]), along, *rows, spacing)
+
     def water_table(self, step: int = -1, *, time: float | None = None) -> np.ndarray:
         """The water table: places (m, 3) m where the pressure in the pores falls to zero, one for each column of soil.
 
@@ -256,6 +280,12 @@ class Results:
             return self._file[f"VTKHDF/{name}"][start + begin : start + end]
         except (OSError, RuntimeError) as error:
             raise ResultError(f"{self.path} is damaged at {name}, output {k}: {error}") from None
+
+
+def _number_of(contacts: list[dict[str, Any]], name: str) -> int:
+    """Number of the obstacle among the contacts; those that move without a name are called obstacle_0 and so on."""
+    named = [k for k, contact in enumerate(contacts) if contact.get("name") == name]
+    return named[0] if named else int(name.removeprefix("obstacle_"))
 
 
 def _open(path: Path) -> tuple[h5py.File, BinaryIO]:

@@ -79,16 +79,17 @@ FileName = Annotated[str, StringConstraints(min_length=1, max_length=250, patter
 
 
 class Region(SceneModel):
-    """An axis-aligned box, open where a bound is null; only the points of one body, if it is named."""
+    """An axis-aligned box, open where a bound is null; only the points of one body or material, if it is named."""
 
     lower: OpenPosition | None = key("lower corner, null = unbounded", "m", default=None, vector=True, place="point")
     upper: OpenPosition | None = key("upper corner, null = unbounded", "m", default=None, vector=True, place="point")
     body: Name | None = key("only points of this body", default=None)
+    material: Name | None = key("only points that are of this material at the start, such as a layer", default=None)
 
     @model_validator(mode="after")
     def _selects(self):
-        if self.lower is None and self.upper is None and self.body is None:
-            raise ValueError("give at least one of lower, upper, body")
+        if all(part is None for part in (self.lower, self.upper, self.body, self.material)):
+            raise ValueError("give at least one of lower, upper, body, material")
         return self
 
 

@@ -40,6 +40,9 @@ class Traction(SceneModel):
 
     stress: Stress = key("force per area", "Pa", vector=True)
     side: Literal["x-", "x+", "y-", "y+", "z-", "z+"] = key("the side of the selected points that is loaded")
+    factor: Motion | None = key(
+        "what the stress is multiplied by: a number, {times, values} or {file}; default 1", "1", default=None
+    )
 
 
 class WaterAtFaces(SceneModel):

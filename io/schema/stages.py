@@ -4,7 +4,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from periporo.io.schema.base import Flag, Integer, Name, Real, Region, SceneModel, key
+from periporo.io.schema.base import Flag, Integer, Motion, Name, Real, Region, SceneModel, key
+
+
+class Change(Region):
+    """Points that become another material, with the stress that they have."""
+
+    into: Name = key("name of the material that they become")
 
 
 class _Stage(SceneModel):
@@ -16,6 +22,12 @@ class _Stage(SceneModel):
         max_length=1000,
     )
     place: tuple[Name, ...] = key("bodies that come when it begins, without stress", default=(), max_length=1000)
+    change: tuple[Change, ...] = key(
+        "points, as they lay at the start, that become another material when it begins", default=(), max_length=1000
+    )
+    gravity_factor: Motion | None = key(
+        "what gravity is multiplied by: a number, {times, values} or {file}; default 1", "1", default=None
+    )
 
 
 class RelaxStage(_Stage):

@@ -107,11 +107,11 @@ FIRM = {"cohesion": 2e4, "bulk_modulus": 5e6, "shear_modulus": 2e6}
 
 
 def construction():
-    """A bank is dug off and filled up again, shaken through a base that absorbs, and weakened until it falls."""
+    """A bank is dug off, filled up, treated, shaken through a base that absorbs, and weakened until it falls."""
     held = ["base", "left"]
     return {
         "dimension": 2, "spacing": 0.5, "gravity": [0.0, -10.0],
-        "materials": {"sand": SAND | FIRM | {"cohesion": 5e3}},
+        "materials": {"sand": SAND | FIRM | {"cohesion": 5e3}, "treated": SAND | FIRM | {"density": 1700.0}},
         "bodies": [{"name": "bank", "material": "sand", "shape": {"type": "box", "lower": [0, 0], "upper": [6, 3]}},
                    {"name": "fill", "material": "sand", "shape": {"type": "box", "lower": [4, 1], "upper": [5, 2]}}],
         "boundaries": {"base": {"where": {"upper": [None, 0.5]}, "fix": ["x", "y"]},
@@ -120,7 +120,8 @@ def construction():
                            "side": "y-", "velocity": {"x": {"times": [0, 0.05, 0.1], "values": [0, 0.1, 0]}}}}},
         "stages": [{"name": "dig", "type": "relax", "tolerance": 0.02, "boundaries": held,
                     "remove": [{"lower": [4, 1]}]},
-                   {"name": "fill", "type": "relax", "tolerance": 0.02, "boundaries": held, "place": ["fill"]},
+                   {"name": "fill", "type": "relax", "tolerance": 0.02, "boundaries": held, "place": ["fill"],
+                    "change": [{"lower": [1, 1], "upper": [3, 2], "into": "treated"}], "gravity_factor": 0.9},
                    {"name": "shake", "type": "dynamics", "duration": 0.3, "boundaries": ["rock", "left"]},
                    {"name": "safety", "type": "strength_reduction", "trial": 0.5, "damping": {"viscous": 20.0},
                     "accuracy": 0.5, "boundaries": held}],

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from . import (
     biaxial,
     buckling,
+    clay_flow,
     closed_forms,
     collapse,
     columns,
@@ -96,6 +97,8 @@ CASES = (
     Case("V22", surfaces.strip_load),
     Case("V22", surfaces.pushed_footing),
     Case("V25", biaxial.bands),
+    Case("V27", clay_flow.flow_round_a_bar),
+    Case("V28", clay_flow.cavity),
     Case("collapse", collapse.collapse),
     Case("C1", contacts.waves_through_contact),
     Case("C2", contacts.line_contact),
