@@ -140,54 +140,66 @@ def _dim_of(stress) -> tuple[float, ...]:
 
 @kernel
 def _advance(bulk, shear, least, largest, slowness, stress, strain_increment, state, reports, dim):
-    _return_rows(bulk, shear, least, largest, slowness, stress, strain_increment, state, reports, dim)
-
-
-@inlined
-def _return_rows(bulk, shear, least, largest, slowness, stress, strain_increment, state, reports, dim):
-    """Hooke's law and return of all rows; `slowness` times sqrt(P) is G dt times the rate of shear at which I = I_0.
-
-    With S = sqrt(J2) of the trial, a = slowness sqrt(P) and t = sqrt(J2) after the step, t = P mu(I) and G gamma' dt
-    = S - t give t^2 - (S + mu_2 P + a) t + S mu_2 P + a mu_s P = 0.
-    """
+    """Hooke's law and return of all rows; see `_return_lane`."""
     like = la.zero_symmetric(dim)
-    n = len(like)
-    tile = np.ones((n + 3) * LANES)
+    tile = np.ones((len(like) + 1) * LANES)
     for base in range(0, stress.shape[0], LANES):
         count = min(LANES, stress.shape[0] - base)
         for k in range(count):
-            b = base + k
-            add_elastic(bulk, shear, b, stress, strain_increment)
-            la.to_lane(tile, 0, k, la.symmetric_at(stress, b, 0, dim))
+            add_elastic(bulk, shear, base + k, stress, strain_increment)
+            la.to_lane(tile, 0, k, la.symmetric_at(stress, base + k, 0, dim))
         for k in range(LANES):
-            s = la.from_lane(tile, 0, k, like)
-            p = (s[0] + s[1] + s[2]) / 3.0
-            j2 = 0.5 * ((s[0] - p) ** 2 + (s[1] - p) ** 2 + (s[2] - p) ** 2)
-            for c in range(3, n):
-                j2 += tile[c * LANES + k] ** 2
-            root, pressure = math.sqrt(j2), 0.0 if p > 0.0 else -p
-            slow = slowness * math.sqrt(pressure)
-            least_root, largest_root = least * pressure, largest * pressure
-            total, product = root + largest_root + slow, root * largest_root + slow * least_root
-            new = 2.0 * product / (total + math.sqrt(max(total * total - 4.0 * product, 0.0)))
-            new = least_root if slow == math.inf else new
-            la.to_lane(tile, n, k, (p, new / root if root > least_root else 1.0, root))
+            _return_lane(least, largest, slowness, k, tile, dim)
         for k in range(count):
-            b = base + k
-            p, scale, root = la.from_lane(tile, n, k, (0.0, 0.0, 0.0))
-            scale = 0.0 if p > 0.0 else scale
+            la.store(stress, base + k, 0, la.from_lane(tile, 0, k, like))
             if reports:
-                state[b, 0] = scale * (1.0 - scale) * root * root / shear
-            if scale == 1.0 and not p > 0.0:
-                continue
-            new_p = 0.0 if p > 0.0 else p
-            for c in range(n):
-                stress[b, c] = scale * (stress[b, c] - (p if c < 3 else 0.0)) + (new_p if c < 3 else 0.0)
+                state[base + k, 0] = tile[len(like) * LANES + k] / shear
 
 
 @kernel
 def _advance_each(numbers, dt, stress, strain_increment, state, reports, dim):
     """`_advance` where rows have `numbers` (n, 5) of their own, with the slowness of a time step of 1 s."""
-    for b in range(stress.shape[0]):
-        n, own = numbers[b], slice(b, b + 1)
-        _return_rows(n[0], n[1], n[2], n[3], dt * n[4], stress[own], strain_increment[own], state[own], reports, dim)
+    like = la.zero_symmetric(dim)
+    tile = np.ones((len(like) + 4) * LANES)
+    for base in range(0, stress.shape[0], LANES):
+        count = min(LANES, stress.shape[0] - base)
+        for k in range(count):
+            own = numbers[base + k]
+            add_elastic(own[0], own[1], base + k, stress, strain_increment)
+            la.to_lane(tile, 0, k, la.symmetric_at(stress, base + k, 0, dim))
+            la.to_lane(tile, len(like) + 1, k, (own[2], own[3], dt * own[4]))
+        for k in range(LANES):
+            least, largest, slowness = la.from_lane(tile, len(like) + 1, k, (0.0, 0.0, 0.0))
+            _return_lane(least, largest, slowness, k, tile, dim)
+        for k in range(count):
+            la.store(stress, base + k, 0, la.from_lane(tile, 0, k, like))
+            if reports:
+                state[base + k, 0] = tile[len(like) * LANES + k] / numbers[base + k, 1]
+
+
+@inlined
+def _return_lane(least, largest, slowness, k, tile, dim):
+    """Return the trial stress in lane k; G times the plastic work behind it.
+
+    `slowness` times sqrt(P) is G dt times the rate of shear at which I = I_0. With S = sqrt(J2) of the trial, a =
+    slowness sqrt(P) and t = sqrt(J2) after the step, t = P mu(I) and G gamma' dt = S - t give t^2 - (S + mu_2 P + a) t
+    + S mu_2 P + a mu_s P = 0.
+    """
+    s = la.from_lane(tile, 0, k, la.zero_symmetric(dim))
+    p = (s[0] + s[1] + s[2]) / 3.0
+    j2 = 0.5 * ((s[0] - p) ** 2 + (s[1] - p) ** 2 + (s[2] - p) ** 2)
+    for c in range(3, len(s)):
+        j2 += tile[c * LANES + k] ** 2
+    root, pressure = math.sqrt(j2), 0.0 if p > 0.0 else -p
+    slow = slowness * math.sqrt(pressure)
+    least_root, largest_root = least * pressure, largest * pressure
+    total, product = root + largest_root + slow, root * largest_root + slow * least_root
+    new = 2.0 * product / (total + math.sqrt(max(total * total - 4.0 * product, 0.0)))
+    new = least_root if slow == math.inf else new
+    scale = new / root if root > least_root else 1.0
+    scale = 0.0 if p > 0.0 else scale
+    tile[len(s) * LANES + k] = scale * (1.0 - scale) * root * root
+    for c in range(len(s)):
+        old, mean = tile[c * LANES + k], p if c < 3 else 0.0
+        returned = scale * (old - mean) + (0.0 if p > 0.0 else mean)
+        tile[c * LANES + k] = old if scale == 1.0 else returned

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from periporo.core.points.material import OPENED, StateField, StepRefused
 from periporo.materials.base import MaterialParameters, units
-from periporo.materials.hypoplastic_rate import advance, fill_moduli
+from periporo.materials.hypoplastic_rows import advance, fill_moduli
 
 _PRESSURE, _DENSITY, _DEGREES, _NUMBER = units("Pa", "kg/m^3", "deg", "1")
 

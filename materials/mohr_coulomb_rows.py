@@ -73,7 +73,7 @@ def _return_tile(tile, n, table, cutoff, lame, shear):
 
 @inlined
 def _look_up(tile, count, base, start, numbers, tables, state, columns):
-    """What `_soften_tile` needs of the lanes.
+    """What `_return_each` and `_soften_tile` need of the lanes.
 
     Strength at their plastic shear strain, its slopes, how far these hold, the part that counts, and elasticity.
     """
@@ -92,6 +92,17 @@ def _look_up(tile, count, base, start, numbers, tables, state, columns):
 def _tell(tile, start, k, numbers, r):
     """Elasticity and cut-off of a lane."""
     la.to_lane(tile, start, k, (numbers[r, 0] - 2.0 / 3.0 * numbers[r, 1], numbers[r, 1], numbers[r, 2]))
+
+
+@inlined
+def _return_each(tile, n, cuts):
+    """As `_return_tile`, for lanes with a strength each that does not change."""
+    for k in range(LANES):
+        s1, s2, s3, old = _sorted(tile, 3 * n, k)
+        sine, strength, dilation = la.from_lane(tile, 3 * n + VALUES, k, (0.0, 0.0, 0.0))
+        lame, shear, cutoff = la.from_lane(tile, 3 * n + VALUES + 8, k, (0.0, 0.0, 0.0))
+        t = returned((s1, s2, s3), pyramid(sine, dilation, strength, cutoff, lame, shear), cuts)
+        _keep(tile, 3 * n + 3, k, old, t, (t[0] != s1) | (t[2] != s3))
 
 
 @inlined
@@ -133,12 +144,10 @@ def _soften_lanes(tile, count, base, n, numbers, tables, dt, state, columns):
         if rate > 0.0 or x < 0.0:
             s1, s2, s3, old = _sorted(tile, 3 * n, k)
             lame, shear, cutoff = la.from_lane(tile, 3 * n + VALUES + 8, k, (0.0, 0.0, 0.0))
-            start = state[base + k, memory] if memory >= 0 else 0.0
-            reference = numbers[r, 4] * dt
+            start, reference = state[base + k, memory], numbers[r, 4] * dt
             t, x = returned_with_memory((s1, s2, s3), tables, r, start, part, cutoff, rate, reference, lame, shear)
             _keep(tile, 3 * n + 3, k, old, t, (t[0] != s1) | (t[2] != s3))
-        if memory >= 0:
-            state[base + k, memory] += part * x
+        state[base + k, memory] += part * x
 
 
 @inlined
@@ -183,8 +192,11 @@ def advance(numbers, tables, dt, stress, strain_increment, state, columns, dim):
             _return_tile(tile, n, table, cutoff, bulk - 2.0 / 3.0 * shear, shear)
         else:
             _look_up(tile, count, base, 3 * n + VALUES, numbers, tables, state, columns)
-            _soften_tile(tile, n, cuts)
-            _soften_lanes(tile, count, base, n, numbers, tables, dt, state, columns)
+            if memory >= 0:
+                _soften_tile(tile, n, cuts)
+                _soften_lanes(tile, count, base, n, numbers, tables, dt, state, columns)
+            else:
+                _return_each(tile, n, cuts)
         put_together(tile, like, 3 * n + 3)
         for k in range(count):
             if tile[(3 * n + 6) * LANES + k] == 0.0:

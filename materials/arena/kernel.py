@@ -176,13 +176,16 @@ def _start(c, m, y_all, strength, columns, stress, increment, state, b, componen
     return tr, e, s, product(s, s), product(s, e), ee, row, y, factors, growth, opened
 
 
-def _elastic_rows(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt, left):
-    """Advance the rows that stay elastic; the numbers of the others come into `left` (n,), their count is returned."""
+def _elastic_rows(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt, rows, left):
+    """Advance those of the `rows` (first, end) that stay elastic; the numbers of the others come into `left` (n,).
+
+    Their count is returned.
+    """
     m, c, control = unpack_elasticity(elasticity), unpack_pores(pores), unpack_control(controls)
     y_all, strength = unpack_surface(surface), unpack_strength(strengths)
     components, static_column, dissipation = stress.shape[1], columns[STATIC], columns[DISSIPATION]
     found = 0
-    for b in range(stress.shape[0]):
+    for b in range(rows[0], rows[1]):
         if state[b, STRENGTH] == 0.0:
             continue  # a row without state: a bond that is longer than the horizon still
         if _is_still(increment, b, components):  # the two follow from evp: make them exact, e.g. for newborn rows
@@ -222,14 +225,18 @@ def _elastic_rows(elasticity, pores, surface, strengths, controls, columns, stre
     return found
 
 
-def _plastic_rows(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt, left):
-    """Advance the rows with the numbers `left`; those whose update fails stay as they were, and are returned."""
+def _plastic_rows(elasticity, pores, surface, strengths, controls, columns, stress, increment, state, dt, left, count):
+    """Advance the rows with the first `count` numbers in `left`; those whose update fails stay as they were.
+
+    Their numbers come to the front of `left`, their count is returned.
+    """
     m, c, control = unpack_elasticity(elasticity), unpack_pores(pores), unpack_control(controls)
     y_all, strength = unpack_surface(surface), unpack_strength(strengths)
     components, static_column = stress.shape[1], columns[STATIC]
     plastic_column, dissipation = columns[PLASTIC], columns[DISSIPATION]
-    failed, failures = np.empty(len(left), np.int64), 0
-    for b in left:
+    failures = 0
+    for k in range(count):
+        b = left[k]
         tr, e, s, ss, se, ee, row, y, factors, growth, opened = _start(
             c, m, y_all, strength, columns, stress, increment, state, b, components
         )
@@ -240,7 +247,7 @@ def _plastic_rows(elasticity, pores, surface, strengths, controls, columns, stre
             m, c, y, strength, factors, control, row, growth, dt, tr, e1, e2
         )
         if not fine:
-            failed[failures] = b
+            left[failures] = b
             failures += 1
             continue
         state[b, EVP], state[b, PRESSURE], state[b, CONTENT] = row[3], row[4], row[6]
@@ -254,8 +261,8 @@ def _plastic_rows(elasticity, pores, surface, strengths, controls, columns, stre
         s_share, e_share = shares(spent[1], spent[2], u0, e1, e2)
         strain, work = combine(spent[0], s, s_share, e, e_share), spent[4]
         if plastic_column >= 0:
-            for k in range(components):
-                state[b, plastic_column + k] += strain[k]
+            for a in range(components):
+                state[b, plastic_column + a] += strain[a]
             state[b, columns[LENGTH]] += spent[3]
         if static_column >= 0:
             s_share, e_share = shares(push[1], push[2], u0, e1, e2)
@@ -269,7 +276,7 @@ def _plastic_rows(elasticity, pores, surface, strengths, controls, columns, stre
         store(stress, b, 0, components, static)
         if dissipation >= 0:
             state[b, dissipation] = work
-    return failed[:failures]
+    return failures
 
 
 # The same loops for many rows that share their constants, and within the loop over rows that do not
@@ -283,9 +290,9 @@ def update_rows(constants, columns, stress, increment, state, dt):
     `constants` are those of elasticity, pores, surface, strength and control as arrays; `columns` tell the state's
     optional columns. A row whose update fails keeps its start state; the numbers of those rows are returned.
     """
-    left = np.empty(len(stress), np.int64)
-    found = _advance_elastic(*constants, columns, stress, increment, state, dt, left)
-    return _advance_plastic(*constants, columns, stress, increment, state, dt, left[:found])
+    left, rows = np.empty(len(stress), np.int64), (0, len(stress))
+    found = _advance_elastic(*constants, columns, stress, increment, state, dt, rows, left)
+    return left[: _advance_plastic(*constants, columns, stress, increment, state, dt, left, found)]
 
 
 @kernel
@@ -293,10 +300,6 @@ def update_each(elasticity, pores, surface, strengths, controls, columns, stress
     """`update_rows` where rows have constants of their own, (n, ...) arrays; `failed` (n,) tells whose update fails."""
     left = np.empty(1, np.int64)
     for b in range(stress.shape[0]):
-        own = slice(b, b + 1)
         e, c, y, s, k = elasticity[b], pores[b], surface[b], strengths[b], controls[b]
-        found = _advance_own_elastic(e, c, y, s, k, columns, stress[own], increment[own], state[own], dt, left)
-        failed[b] = False
-        if found > 0:
-            gone = _advance_own_plastic(e, c, y, s, k, columns, stress[own], increment[own], state[own], dt, left)
-            failed[b] = len(gone) > 0
+        found = _advance_own_elastic(e, c, y, s, k, columns, stress, increment, state, dt, (b, b + 1), left)
+        failed[b] = _advance_own_plastic(e, c, y, s, k, columns, stress, increment, state, dt, left, found) > 0
