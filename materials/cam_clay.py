@@ -7,6 +7,7 @@ plastic volumetric strain, tension positive.
 """
 
 import math
+from functools import cached_property
 from typing import ClassVar, Self
 
 import numpy as np
@@ -155,13 +156,14 @@ class CamClay(MaterialParameters):
         """
         if not dt > 0:
             raise ValueError(f"the time step must be positive (infinite: rate-independent limit), not {dt}")
-        advance(self._numbers()[None], dt, stress, strain_increment, state, *self._columns)
+        advance(self._numbers[None], dt, stress, strain_increment, state, *self._columns)
 
     @property
     def _columns(self) -> tuple[int, int]:
         """Those of bonding and dissipation, -1 where there is none."""
         return 1 if self.unsaturated else -1, 1 + self.unsaturated if self.report_dissipation else -1
 
+    @cached_property
     def _numbers(self) -> np.ndarray:
         """What the return needs to know of the parameters (12,): see `advance`."""
         first, second, swelling = self.bulk_modulus, self.shear_modulus, 0.0
@@ -193,7 +195,7 @@ class CamClay(MaterialParameters):
 
     def elastic_moduli(self, stress, state):
         """Constant moduli, or those of the present pressure, two (n,) arrays in Pa."""
-        return _moduli(self._numbers()[None], stress)
+        return _moduli(self._numbers[None], stress)
 
     def friction_angles(self, dimension: int) -> FrictionAngles:
         """The angles of the critical state in each kind of test; the same in both dimensions."""
@@ -235,7 +237,7 @@ class _CamClayRows:
     """Rows with a law each."""
 
     def __init__(self, laws):
-        self._numbers = np.array([law._numbers() for law in laws])
+        self._numbers = np.array([law._numbers for law in laws])
         self._columns = laws[0]._columns
 
     def compute_stress(self, stress, strain_increment, state, dt):
@@ -252,10 +254,12 @@ class _CamClayRows:
 
 def _moduli(numbers, stress) -> tuple[np.ndarray, np.ndarray]:
     """Constant moduli, or those of the present pressure, (n,) Pa, of rows with `numbers` (n or 1, 12)."""
-    bulk, shear, swelling = (np.broadcast_to(numbers[:, k], len(stress)) for k in (0, 1, 11))
+    times = len(stress) // max(len(numbers), 1)
+    bulk, shear = numbers[:, 0].repeat(times), numbers[:, 1].repeat(times)
+    if not numbers[:, 11].any():
+        return bulk, shear
+    swelling = numbers[:, 11].repeat(times)
     follows = swelling > 0.0
-    if not follows.any():
-        return bulk.copy(), shear.copy()
     pressure = np.maximum(-mean(stress), numbers[:, 4])
     bulk = np.where(follows, pressure / np.where(follows, swelling, 1.0), bulk)
     return bulk, np.where(follows, shear * bulk, shear)

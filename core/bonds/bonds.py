@@ -225,8 +225,10 @@ class Bonds:
         it), followed by one return mapping without a strain increment. A point without active rows has no
         say; a row between two such points starts from `initial_stress`, or zero.
         """
-        # averages still count rows that end now: so do those that arrived from the ghosts' owners
         holders = [self.layout.holders(b, self.pairs) for b in self.blocks]
+        if not any(_changes(*h, particles.share, b.active) for h, b in zip(holders, self.blocks, strict=True)):
+            return
+        # averages still count rows that end now: so do those that arrived from the ghosts' owners
         newborn = [_newborn_rows(*h, particles.share, b.active) for h, b in zip(holders, self.blocks, strict=True)]
         if any(len(rows) for rows in newborn):
             self._average_ends(particles, newborn)
@@ -278,6 +280,16 @@ class Bonds:
         if self.initial_stress_is_total:
             stress[:, :3] -= 0.5 * (particles.pore_stress[first] + particles.pore_stress[second])[:, None]
         return stress
+
+
+@kernel
+def _changes(pair, first, second, weight, share, active):
+    """Whether a row becomes active, or has left the horizon or lost an end."""
+    for r in range(pair.shape[0]):
+        b = pair[r]
+        if active[r] != (weight[b] > 0.0 and share[first[b], 1] > 0.0 and share[second[b], 1] > 0.0):
+            return True
+    return False
 
 
 @kernel

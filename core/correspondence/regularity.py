@@ -20,6 +20,8 @@ to the *activity* a of the points, a running mean of the part of the trial stres
 How much of each belongs to a step follows from the Courant number dt c / l, so that it does not depend on the step.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from periporo.core.numerics import algebra as la
@@ -68,15 +70,18 @@ def describe(block, p, dt: float, viscous: bool) -> None:
     )  # fmt: skip
 
 
-def exchange(p, pairs, blocks) -> None:
+def exchange(p, pairs, blocks, influence_at: Callable[[float], float]) -> None:
     """Exchange stress between neighbours, and find the ways by which points move apart before the next step.
 
-    `blocks` are those of laws that exchange stress, for it is all that they remember.
+    `blocks` are those of laws that exchange stress, for it is all that they remember; without any, only pairs matter
+    that are close, which their influence tells: `influence_at` a distance (m) it is the least.
     """
-    stress, mean = np.zeros_like(p.flow_stress), np.zeros(p.total)
+    count = p.total if blocks else 0
+    stress, mean = np.zeros((count, p.components)), np.zeros(count)
+    least = 0.0 if blocks else influence_at(NEAREST * float(p.flow[:, SIZE].max(initial=0.0)))
     p.rearrangement[:] = p.exchanged_strain[:] = 0.0
     _exchange(
-        pairs.first, pairs.second, pairs.weight, p.position, p.material, p.link, p.flow, p.flow_stress, stress,
+        pairs.first, pairs.second, pairs.weight, least, p.position, p.material, p.link, p.flow, p.flow_stress, stress,
         mean, p.rearrangement, p.dim,
     )  # fmt: skip
     for block in blocks:
@@ -189,14 +194,16 @@ def _shear_rate(g):
 
 @kernel
 def _exchange(
-    first, second, weight, position, material, link, flow, flow_stress, stress, mean, rearrangement, dim
+    first, second, weight, least, position, material, link, flow, flow_stress, stress, mean, rearrangement, dim
 ):
     components = len(la.zero_symmetric(dim))
     for b in range(first.shape[0]):
-        i, j = first[b], second[b]
         w = weight[b]
+        if w < least or w == 0.0:
+            continue
+        i, j = first[b], second[b]
         a = max(flow[i, ACTIVITY], flow[j, ACTIVITY])
-        if w == 0.0 or a == 0.0:
+        if a == 0.0:
             continue
         part = min(flow[i, PART], flow[j, PART])
         gives = part != 0.0 and material[i] == material[j]  # most laws exchange nothing
