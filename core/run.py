@@ -268,5 +268,5 @@ def _pictures(target):
         from periporo.io.pictures.plots import plot_run
 
         return plot_run(target)
-    except ImportError as error:
+    except (ImportError, ResultError) as error:
         return [f"none ({error})"]

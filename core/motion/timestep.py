@@ -167,6 +167,8 @@ def highest_frequency(sim, limit: float = 0.0) -> float:
         beside: list[float] = []
         value = 0.0
         norm = np.sqrt(inner(sim.comm, vector, partner))
+        if norm == 0.0:  # all points have left
+            return 0.0
         vector, partner = vector / norm, partner / norm
         for _ in range(_MOST_ITERATIONS):
             image = apply_stiffness(sim, partner / root_mass, limit) / root_mass

@@ -10,6 +10,7 @@ from periporo.core.ranks.reductions import maximum, minimum
 from periporo.core.scene.build import output_names
 from periporo.core.scene.water_doubts import doubts_about_water
 from periporo.io.geometry.lattice import build_lattices
+from periporo.io.schema.base import History, SceneModel
 from periporo.io.schema.bodies import Cylinder, Disc
 
 _SOFT = 0.05  # weight over bulk modulus
@@ -128,22 +129,33 @@ def _weight_above(sim, scene) -> np.ndarray:
 
 
 def _histories_before_their_stage(scene) -> list[str]:
-    """A remark on each boundary whose history is over when a stage begins that uses it."""
-    begin, doubts = 0.0, []
+    """A remark on each history of a boundary or a contact that is over when the first stage begins that uses it."""
+    begins, begin = {}, 0.0
     for stage in scene.stages:
-        for name in stage.boundaries if stage.type == "dynamics" else ():
-            boundary = scene.boundaries[name]
-            for kind in ("velocity", "displacement"):
-                parts = getattr(boundary, kind)
-                histories = [] if parts is None else [h for h in (parts.x, parts.y, parts.z) if h is not None]
-                ends = [h.times[-1] for h in histories if len(set(h.values)) > 1]
-                if ends and begin > 0.0 and max(ends) <= begin:
-                    doubts.append(
-                        f"the {kind} of boundary '{name}' ends at {max(ends):g} s, before stage '{stage.name}' begins "
-                        f"at {begin:g} s: it is over; times count from the start of the run"
-                    )
+        begins[stage.name] = begin
         begin += getattr(stage, "duration", 0.0)  # of a quasi-static stage the longest
+    used = {name: [stage.name for stage in scene.stages if name in stage.boundaries] for name in scene.boundaries}
+    users = [(f"boundary '{name}'", scene.boundaries[name], stages) for name, stages in used.items()]
+    users += [(f"contacts[{k}] ({m.type})", m, list(m.stages or ())) for k, m in enumerate(scene.contacts)]
+    doubts = []
+    for user, model, stages in users:
+        first = next((name for name in begins if name in stages), None)
+        for name in type(model).model_fields if first is not None else ():
+            ends = [h.times[-1] for h in _histories(getattr(model, name)) if len(set(h.values)) > 1]
+            if ends and begins[first] > 0.0 and max(ends) <= begins[first]:
+                doubts.append(
+                    f"the {name} of {user} ends at {max(ends):g} s, before stage '{first}' begins at "
+                    f"{begins[first]:g} s: it is over; times count from the start of the run"
+                )
     return doubts
+
+
+def _histories(value) -> list[History]:
+    """All histories in a part of a scene."""
+    if isinstance(value, History):
+        return [value]
+    parts = value if isinstance(value, tuple) else [part for _, part in value] if isinstance(value, SceneModel) else ()
+    return [history for part in parts for history in _histories(part)]
 
 
 def _unused_boundaries(scene) -> list[str]:

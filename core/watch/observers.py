@@ -162,6 +162,7 @@ class HistoryObserver(Observer):
         x = p.position[:n]
         half = 0.5 * sim.spacing  # a point stands for a cell
         speed = np.sqrt(square_lengths(p.velocity[:n]).max(initial=0.0))
+        highest = maximum(sim.comm, float(sim.extent.height(x).max(initial=-np.inf)))
         self.latest = {
             "step": sim.step_number,
             "time": sim.time,
@@ -169,7 +170,7 @@ class HistoryObserver(Observer):
             **sim.ledger.entries(),
             "max_speed": maximum(sim.comm, speed),
             "front": maximum(sim.comm, float(sim.extent.distance(x).max(initial=0.0))) + half,
-            "height": maximum(sim.comm, float(sim.extent.height(x).max(initial=-np.inf))) + half,
+            "height": highest + half if highest > -np.inf else np.nan,  # when all points have left
             **({} if self.probes is None else self.probes.entries(p)),
             **{n: v for part in sim.point_processes for n, v in getattr(part, "histories", dict)().items()},
             **{n: v for part in sim.reactions for n, v in part.histories(sim).items()},

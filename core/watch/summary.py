@@ -57,15 +57,17 @@ def summary(sim, history: HistoryObserver, figures: dict) -> list[str]:
     last, units = history.latest, history_units()
     energies = [name for name in last if units.get(name) == "J"]
     ledger = [f"  {name.replace('_', ' '):22s} {last[name] + 0.0:+.6e} J" for name in energies]  # + 0.0: no minus zero
-    run_out = f"{figures['run_out_m']:.4g} m (99 % of the deposit)"
+    run_out, height = f"{figures['run_out_m']:.4g} m (99 % of the deposit)", f"{figures['height_m']:.4g} m"
     if math.isnan(figures["run_out_m"]):
         run_out = "none (no point has regular company)"
+    if math.isnan(figures["height_m"]):
+        height = "none (no point is left)"
     error, failed = abs(last["energy_residual"] - last["integration_term"]), figures["failed_updates"]
     return [
         "energy ledger",
         *ledger,
         f"  unexplained            {error:.1e} J",
-        f"run-out {run_out}, height {figures['height_m']:.4g} m, "
+        f"run-out {run_out}, height {height}, "
         f"free-flying points {figures['free_flying_points']}",
         *([f"{last['departed_points']:,} points left the domain"] if "departed_points" in last else []),
         *([f"{failed:,} updates of laws failed: those rows kept their stress"] if failed else []),

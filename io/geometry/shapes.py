@@ -99,7 +99,9 @@ def inside_polygon(corners: np.ndarray, positions: np.ndarray) -> np.ndarray:
     """Even-odd rule: a ray along x from an inner point crosses an odd number of edges."""
     x, y = positions[:, 0], positions[:, 1]
     result = np.zeros(len(positions), dtype=bool)
-    for (xa, ya), (xb, yb) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        # from below, so that an edge that is gone both ways, or by two polygons, is crossed at one place
+        (ya, xa), (yb, xb) = sorted([(start[1], start[0]), (end[1], end[0])])
         if ya != yb:
             spans = (ya > y) != (yb > y)
             result ^= spans & (x < xa + (y - ya) * ((xb - xa) / (yb - ya)))
@@ -111,6 +113,8 @@ def near_polygon(corners: np.ndarray, positions: np.ndarray, distance: float) ->
     near = np.zeros(len(positions), dtype=bool)
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         edge, relative = end - start, positions[:, :2] - start
+        if not edge.any():
+            continue  # the polygon is closed by its first corner
         share = np.clip((relative * edge).sum(axis=1) / (edge**2).sum(), 0.0, 1.0)
         near |= ((relative - share[:, None] * edge) ** 2).sum(axis=1) <= distance**2
     return near

@@ -32,8 +32,9 @@ def describe_results(results):
     lines.append(f"{'fields at the last output':<30}{'smallest':>14}{'largest':>14}  unit")
     for name in results.fields:
         values = results.field(name)
-        columns = values.reshape(len(values), -1).T
-        for component, column in zip(results.components(name) or ("",), columns, strict=True):
+        components = results.components(name) or ("",)
+        columns = values.reshape(-1, len(components)).T
+        for component, column in zip(components, columns, strict=True):
             label = f"{name} {component}".strip()
             low, high = (np.min(column), np.max(column)) if len(column) else (np.nan, np.nan)
             lines.append(f"  {label:<28}{low + 0.0:>14.5g}{high + 0.0:>14.5g}  {results.unit(name)}")

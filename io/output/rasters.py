@@ -42,7 +42,10 @@ class Grid:
     @classmethod
     def around(cls, results: Results, side: float) -> "Grid":
         """Square cells over all places that points have been at, from whole multiples of their side on."""
-        ends = [results.positions(k)[:, :2] for k in range(len(results))]
+        places = [results.positions(k)[:, :2] for k in range(len(results))]
+        ends = [x for x in places if len(x)]
+        if not ends:
+            raise ResultError(f"{results.path} has no points at any output, so there is nothing to spread over cells")
         lower = np.floor(np.min([x.min(axis=0) for x in ends], axis=0) / side) - 1.0
         upper = np.ceil(np.max([x.max(axis=0) for x in ends], axis=0) / side) + 1.0
         nx, ny = (upper - lower).astype(int)

@@ -267,7 +267,7 @@ class PointPicture:
 
     def _add_colour_bar(self, label, values):
         low, high = self.points[0].get_clim()
-        below, above = np.nanmin(values) < low, np.nanmax(values) > high
+        below, above = (values < low).any(), (values > high).any()
         ends = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}
         self.colour_bar = self.figure.colorbar(self.points[0], cax=self._bar, orientation="horizontal",
                                                extend=ends[bool(below), bool(above)])
@@ -303,14 +303,21 @@ def faces_and_lines(obstacles):
 
 
 def extent_of(results, outputs):
-    """Lower and upper corner (2, 3) m of the points at these outputs, apart from a few that flew far off."""
+    """Lower and upper corner (2, 3) m of the points at these outputs, apart from a few that flew far off.
+
+    Raises ResultError if there are none.
+    """
     corners = []
     for k in outputs:
         position = results.positions(k)
+        if not len(position):
+            continue
         low, high = position.min(axis=0), position.max(axis=0)
         inner = np.quantile(position, (0.01, 0.99), axis=0)
         room = np.max(inner[1] - inner[0])  # who is farther off would make the rest too small to see
         corners += [np.maximum(low, inner[0] - room), np.minimum(high, inner[1] + room)]
+    if not corners:
+        raise ResultError(f"{results.path} has no points at these outputs, so there is nothing to draw")
     return np.array([np.min(corners, axis=0), np.max(corners, axis=0)])
 
 

@@ -310,6 +310,15 @@ def test_zones_of_a_dam_have_no_holes():
     assert (body == 1).sum() == pytest.approx(2.0 / 0.25**2, abs=8)
 
 
+@pytest.mark.filterwarnings("error")
+def test_polygons_that_touch_themselves_have_no_holes():
+    """A square ring that is cut along its diagonal, closed by its first corner, around a core; points on the cut."""
+    ring = [[0, 0], [1, 0], [1, 1], [0, 1], [0, 0], [0.3, 0.3], [0.3, 0.7], [0.7, 0.7], [0.7, 0.3], [0.3, 0.3], [0, 0]]
+    position, body = together({"type": "polygon", "vertices": ring}, box([0.3, 0.3], [0.7, 0.7]), spacing=0.05)
+    assert_without_seams(position, 400, 0.05)
+    assert (body == 1).sum() == 64
+
+
 @pytest.mark.parametrize("gap", [0.0, 0.03, 0.05, 0.07])
 def test_boxes_that_meet_off_the_lattice_continue_it(gap):
     """A box of 1.0 x 1.0 on one whose height is no multiple of the spacing."""

@@ -40,6 +40,19 @@ def test_what_leaves_is_counted_and_the_ledger_closes(table, tmp_path):
         assert probe[0] == 0.6 and np.isnan(probe[-1])
 
 
+def test_a_run_goes_on_when_all_have_left_and_its_words_work(table, tmp_path, call):
+    """Falls out of a domain without a floor; what is left to see is an empty place of the size of the start."""
+    scene = table | {"contacts": [], "domain": {"lower": [None, -0.02]}, "gravity": [0.0, -200.0]}
+    scene |= {"stages": [{"name": "fall", "type": "dynamics", "duration": 0.1}]}
+    scene.pop("monitor")
+    with periporo.open_results(periporo.run(scene, tmp_path / "a.vtkhdf", quiet=True, pictures=True)) as results:
+        assert results.history("departed_points")[-1] == 40 and len(results.ids()) == 0 and len(results.ids(0)) == 40
+        assert np.isnan(results.history("height")[-1]) and np.isfinite(results.history("height")[0])
+    assert (tmp_path / "a_deposit.png").exists()
+    for words in (["info"], ["plot", "--animate"], ["export"]):
+        assert call(words[0], "a.vtkhdf", *words[1:])[0] == 0, words
+
+
 def test_a_domain_that_nothing_leaves_changes_no_bit(table, tmp_path):
     table["stages"][0]["duration"] = 0.01
     without = {key: value for key, value in table.items() if key != "domain"}

@@ -63,6 +63,22 @@ def test_histories_that_are_over_before_their_stage(scene_of):
     assert doubts(scene) == []  # a relaxation takes no time
 
 
+@pytest.mark.parametrize("motion", ["velocity", "displacement", "rotation"])
+def test_histories_of_obstacles_that_are_over_before_they_appear(scene_of, motion):
+    """One that is used from the start, and only goes on to hold, is not doubted; nor is a constant."""
+    history = {"times": [0.0, 1e-3], "values": [1e-4, 0.0]}
+    parts = {"rate": history} if motion == "rotation" else {"y": history}
+    plate = {"type": "box", "lower": [0.4, 0.0], "upper": [0.6, 0.1], "friction": 0.0, "stages": ["push"]}
+    scene = scene_of(contacts=[plate | {motion: parts}])
+    scene["stages"] = [{"name": name, "type": "dynamics", "duration": 2e-3} for name in ("wait", "push")]
+    (text,) = doubts(scene)
+    assert text.startswith(f"the {motion} of contacts[0] (box) ends at 0.001 s, before stage 'push' begins at 0.002 s")
+    scene["contacts"][0]["stages"] = ["wait", "push"]
+    assert doubts(scene) == []
+    scene["contacts"] = [plate | {"velocity": {"y": 0.1}}]
+    assert doubts(scene) == []
+
+
 def test_a_stage_that_cannot_come_to_rest(scene_of):
     scene = scene_of(boundaries={"drag": {"where": {"upper": [None, 0.01]}, "velocity": {"x": 0.1}}})
     scene["stages"][0] |= {"boundaries": ["drag"], "stop_when_at_rest": 1e-3}
