@@ -5,13 +5,16 @@
     python -m benchmarks flow --scheme '{"scheme": "point_state", "sharpened": true}'
     python -m benchmarks flow --rows 20 --heights 0.1 --turned 30 --at 500000 4000000
     python -m benchmarks flow --rows 20 40 80 --heights 0.1 --bulk 2.5e6 --figure docs/figures/flow.png
+    python -m benchmarks flow --rows 20 --heights 0.1 --bulk 2.5e6 --thick 4  # in space
 
 A column of `--heights` (m) and a width of .1 m of isochoric, cohesionless Drucker-Prager sand (`--phi` 30 degrees)
 collapses on a rough floor. A row is one output: area that the connected deposit covers over its first (a filled
 outline); *inside*: the area of Voronoi cells more than 2.5 spacings beneath that outline over their volume; sum of the
 points' volumes over the first; first and last percentile of the points' volumes; scatter of the vertical stress in soil
 that flows (shear rate above 3 1/s) and rests (below .3 1/s); run-out and height. A seed other than 0 shakes the lattice
-by 1e-9 m: what it changes is the scatter that a chaotic flow has.
+by 1e-9 m: what it changes is the scatter that a chaotic flow has. With `--thick` the column is a slab in space, so many
+points thick, between planes of symmetry: it should do what plane strain does. Areas are those of its points seen from
+the side.
 
 Run-out is how far beyond the column the cells of 99 % of all its soil reach, over the half-width, and height is the top
 of the cells of 99 % of the connected soil. *core* is the area over the first of soil that has sheared by .1 to .5, told
@@ -42,19 +45,27 @@ _HEAD = (
 )
 
 
-def column(height: float, rows: int, duration: float, *, bulk: float = 25e6, scheme=None, **law) -> dict:
-    """The scene of a column, m and s, of sand with a `bulk` modulus in Pa; `law` holds more of its parameters."""
+def column(
+    height: float, rows: int, duration: float, *, bulk: float = 25e6, thick: int = 0, scheme=None, **law
+) -> dict:
+    """The scene of a column, m and s, of sand with a `bulk` modulus in Pa; `law` holds more of its parameters.
+
+    In plane strain, or as a slab in space that is `thick` points wide, between planes of symmetry.
+    """
     sand = {
         "model": "drucker_prager", "density": DENSITY, "bulk_modulus": bulk, "shear_modulus": 0.6 * bulk,
-        "cohesion": 0.0, "friction_angle": 30.0, "dilation_angle": 0.0,
+        "cohesion": 0.0, "friction_angle": 30.0, "dilation_angle": 0.0, "match": "plane_strain",
     } | law  # fmt: skip
-    box = {"type": "box", "lower": [-0.5 * WIDTH, 0.0], "upper": [0.5 * WIDTH, height]}
+    across, width = ([0.0], [thick * height / rows]) if thick else ([], [])
+    box = {"type": "box", "lower": [-0.5 * WIDTH, 0.0, *across], "upper": [0.5 * WIDTH, height, *width]}
     scene = {
-        "dimension": 2, "spacing": height / rows, "gravity": [0, -9.81], "materials": {"sand": sand},
-        "bodies": [{"name": "column", "material": "sand", "shape": box}],
-        "contacts": [{"type": "plane", "point": [0, 0], "normal": [0, 1], "friction": 0.5}],
+        "dimension": 2 + len(across), "spacing": height / rows, "gravity": [0.0, -9.81, *across],
+        "materials": {"sand": sand}, "bodies": [{"name": "column", "material": "sand", "shape": box}],
+        "contacts": [{"type": "plane", "point": [0.0, 0.0, *across], "normal": [0.0, 1.0, *across], "friction": 0.5}],
         "stages": [{"name": "collapse", "type": "dynamics", "duration": duration}],
     }  # fmt: skip
+    if thick:
+        scene["symmetry"] = {"lower": [None, None, 0.0], "upper": [None, None, *width]}
     return scene | ({"correspondence": scheme} if scheme else {})
 
 
@@ -77,24 +88,31 @@ def turned(scene: dict, rotation: np.ndarray, place, folder: str) -> dict:
 
 
 def seen(sim, rotation, place) -> np.ndarray:
-    """Positions (n, 2) m in axes that were `turned` with the scene."""
-    return (sim.particles.position[: sim.particles.owned] + (sim.origin - place)) @ rotation
+    """Positions (n, d) m in axes that were `turned` with the scene."""
+    shift = np.array(sim.origin)
+    shift[:2] -= place
+    position = sim.particles.position[: sim.particles.owned] + shift
+    position[:, :2] = position[:, :2] @ rotation
+    return position
 
 
 def measure(sim, height: float, rotation=_UPRIGHT, place=(0.0, 0.0)) -> dict[str, float]:
     """The figures of the present state of a column on this rank alone, which was `turned`."""
     p, n = sim.particles, sim.particles.owned
     position, volume = seen(sim, rotation, place), p.present_volume()
+    thickness = 1.0 if p.dimension == 2 else np.ptp(p.initial_position[:n, 2]) + sim.spacing
     own = connected(position, sim.spacing)
     share = volume[own] / p.volume[:n][own]
     up, tensor = rotation[:, 1], fields.values(sim, ["stress"])["stress"]
     stress = tensor[:, 0] * up[0] ** 2 + tensor[:, 1] * up[1] ** 2 + 2.0 * tensor[:, 3] * up[0] * up[1]
-    g = p.gradient[:n].reshape(-1, 2, 2)
+    g = p.gradient[:n].reshape(-1, p.dimension, p.dimension)
     rate = np.hypot(g[:, 0, 0] - g[:, 1, 1], g[:, 0, 1] + g[:, 1, 0])
     least = 0.1 * DENSITY * 9.81 * height
-    area = cells(position[own], sim.spacing)
-    within = np.isfinite(area)
-    inside = area[within].sum() / volume[own][within].sum() if within.any() else np.nan
+    inside = np.nan
+    if p.dimension == 2:
+        area = cells(position[own], sim.spacing)
+        within = np.isfinite(area)
+        inside = area[within].sum() / volume[own][within].sum() if within.any() else np.nan
     strain = p.equivalent_shear_strain[:n]
     core = grown(p.initial_position[:n], p.position[:n], sim.spacing)[(strain > CORE[0]) & (strain < CORE[1])]
     core = core[np.isfinite(core)]
@@ -105,7 +123,7 @@ def measure(sim, height: float, rotation=_UPRIGHT, place=(0.0, 0.0)) -> dict[str
     top = np.quantile(position[own, 1], 0.99) + 0.5 * sim.spacing
     return {
         "time": sim.time, "steps": sim.step_number,
-        "area": covered_area(position[own], sim.spacing) / p.volume[:n][own].sum(),
+        "area": covered_area(position[own, :2], sim.spacing) * thickness / p.volume[:n][own].sum(),
         "inside": inside,
         "core": core.mean() if len(core) else np.nan,
         "volumes": volume[own].sum() / p.volume[:n][own].sum(),
@@ -125,9 +143,10 @@ def collapse(scene: dict, height: float, times, seed: int = 0, rotation=_UPRIGHT
         sim = periporo.Simulation.from_scene(scene)
     if seed:
         n = sim.particles.owned
-        sim.particles.position[:n] += 1e-9 * np.random.default_rng(seed).uniform(-1, 1, (n, 2))
+        sim.particles.position[:n] += 1e-9 * np.random.default_rng(seed).uniform(-1, 1, (n, sim.particles.dimension))
     left, found, least = list(times), [], [0.0]
-    fallen = 0.5 * DENSITY * 9.81 * height**2 * WIDTH  # J/m, potential energy of the column
+    p = sim.particles  # below: J, or J/m, potential energy of the column
+    fallen = 0.5 * DENSITY * 9.81 * height * p.volume[: p.owned].sum()
 
     def note():
         found.append(measure(sim, height, rotation, place) | {"least internal energy": least[0] / fallen})
@@ -185,19 +204,24 @@ def main(words=None) -> None:
     options.add_argument("--largest-dilation", type=float, help="volumetric strain at which dilation ends")
     options.add_argument("--turned", type=float, default=0.0, help="degrees by which the scene is turned")
     options.add_argument("--at", type=float, nargs=2, default=[0.0, 0.0], help="where the scene is, m")
+    options.add_argument("--thick", type=int, default=0, help="points across a slab in space; default: plane strain")
     options.add_argument("--scheme", type=json.loads, help="correspondence, as JSON; by default the program's")
     options.add_argument("--duration", type=float, default=0.6, help="s")
     options.add_argument("--figure", type=Path, help="draw the deposits")
     chosen = options.parse_args(words)
     turn = math.radians(chosen.turned)
     rotation = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    if chosen.thick and (turn or any(chosen.at)):
+        options.error("--thick goes with neither --turned nor --at")
     law = {"friction_angle": chosen.phi, "dilation_angle": chosen.psi, "largest_dilation": chosen.largest_dilation}
     deposits = []
     print(_HEAD + "\n" + "|---" * (_HEAD.count("|") - 1) + "|", flush=True)
     for height in chosen.heights:
         for rows in chosen.rows:
             for seed in chosen.seeds:
-                scene = column(height, rows, chosen.duration, bulk=chosen.bulk, scheme=chosen.scheme, **law)
+                scene = column(
+                    height, rows, chosen.duration, bulk=chosen.bulk, thick=chosen.thick, scheme=chosen.scheme, **law
+                )
                 sim, found = collapse(scene, height, (0.1, 0.2, 0.3), seed, rotation, chosen.at)
                 deposits.append((f"H/dx = {rows}", seen(sim, rotation, chosen.at), sim.spacing))
                 for figures in found:

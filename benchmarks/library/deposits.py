@@ -72,13 +72,13 @@ def _covered(position, spacing):
 
 
 def grown(first: np.ndarray, position: np.ndarray, spacing: float) -> np.ndarray:
-    """Area (n,) over the first of the cross that a point and its four neighbours of the lattice `first` (n, 2) make.
+    """Area (n,) over the first of the cross that a point and its neighbours of the lattice `first` (n, d) make.
 
     NaN for points with fewer; it says what soil has done that kept its neighbours.
     """
     area = np.full(len(first), np.nan)
     for i, near in enumerate(cKDTree(first).query_ball_point(first, 1.1 * spacing)):
-        if len(near) == 5:
+        if len(near) == 1 + 2 * first.shape[1]:
             stretch, *_ = np.linalg.lstsq(first[near] - first[i], position[near] - position[i], rcond=None)
             area[i] = np.linalg.det(stretch)
     return area

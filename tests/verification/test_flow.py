@@ -27,6 +27,12 @@ def test_a_column_falls_the_same_way_turned_and_on_a_map():
         assert elsewhere[name] == pytest.approx(upright[name], rel=0.02), name
 
 
+def test_a_slab_between_planes_of_symmetry_falls_as_in_plane_strain():
+    plane, slab = (flow.collapse(flow.column(0.1, 10, 0.1, bulk=2.5e6, thick=n), 0.1, ())[1][0] for n in (0, 3))
+    for name in ("area", "volumes", "run-out", "height"):
+        assert slab[name] == pytest.approx(plane[name], rel=0.02), name
+
+
 def test_area_by_the_neighbours_of_a_lattice_is_that_of_an_affine_motion():
     first = np.stack(np.meshgrid(np.arange(4.0), np.arange(3.0)), -1).reshape(-1, 2)
     area = grown(first, first @ np.array([[1.2, 0.3], [0.1, 0.9]]), 1.0)
