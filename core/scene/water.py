@@ -4,7 +4,7 @@ import numpy as np
 
 from periporo.core.scene.pressures import known_pressures, pressure_around
 from periporo.core.water.bishop import bishop_of
-from periporo.core.water.flow import FlowingWater, Permeability
+from periporo.core.water.flow import MOST_STAGES, TOO_FAST, FlowingWater, Permeability
 from periporo.core.water.increments import Increments
 from periporo.core.water.pore_water import DrainedWater, Pores, PoreWater, UndrainedWater
 from periporo.core.water.pressure import (
@@ -72,6 +72,19 @@ def refuse_inner_inflows(scene, sim) -> None:
                     "reach to the surface, or choose another side"
                 )
                 raise InputError("scene", [Problem(("boundaries", name, "water"), message)])
+
+
+def refuse_hasty_flow(scene, sim, water: FlowingWater) -> None:
+    """Raise InputError if water flows so fast that a step of motion cannot follow it."""
+    p = sim.particles
+    if water.stages_within(p, water.network(p), sim.dt) <= MOST_STAGES:
+        return
+    worst = list(scene.materials)[int(np.argmax(water.permeability.mobility))]
+    own, path = scene.pore_water.soils.get(worst), ("pore_water",)
+    if own is not None and (own.conductivity is not None or own.permeability is not None):
+        path = ("pore_water", "soils", worst)
+    key = "conductivity" if _soil(scene, worst).conductivity is not None else "permeability"
+    raise InputError("scene", [Problem((*path, key), TOO_FAST.format(dt=sim.dt))])
 
 
 def _soil(scene, name):

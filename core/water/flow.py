@@ -25,6 +25,11 @@ from periporo.errors import WaterError
 
 _REFRESH = 20  # steps between looks at the geometry
 MOST_STAGES = 199
+TOO_FAST = (
+    "the flow of water is too fast for the time step of {dt:.3g} s: are conductivity (m/s) and permeability (m^2, some "
+    "1e-7 times that) in their units? Lower them or bulk_modulus, let water flow in a quasi_static stage, or take "
+    "drained water"
+)
 CONTENT, ENTERED, LEFT, RAN_OFF = range(4)  # columns of the unknowns of a step
 UNITS = {"water_stored": "m^3", "water_inflow": "m^3", "water_outflow": "m^3", "water_runoff": "m^3",
          "water_balance": "m^3"}  # fmt: skip
@@ -124,14 +129,14 @@ class FlowingWater(UndrainedWater):
     def _flow(self, p, dt):
         """Let water flow for `dt` s, in pores of constant volume."""
         net = self.network(p)
-        stages = stages_for(0.5 * dt * self.fastest(p, net, np.zeros(p.owned)))
+        stages = self.stages_within(p, net, dt)
         if not stages <= MOST_STAGES:
-            raise WaterError(
-                f"the flow of water is too fast for the time step of {dt:.3g} s: are conductivity (m/s) and "
-                "permeability (m^2, some 1e-7 times that) in their units? Lower them or bulk_modulus, let water flow "
-                "in a quasi_static stage, or take drained water"
-            )
+            raise WaterError(TOO_FAST.format(dt=dt))
         self.transport(p, net, self._sim.time, dt, stages, lambda gone: self._fill_pressure(p))
+
+    def stages_within(self, p, net, dt: float) -> float:
+        """Stages that the flow through `net` needs in a step of `dt` s; collective."""
+        return stages_for(0.5 * dt * self.fastest(p, net, np.zeros(p.owned)))
 
     def network(self, p) -> tuple:
         """What conducts water at present: of every pair a kappa and rho_w g . xi, and inflows with their faces."""
