@@ -90,6 +90,7 @@ class Simulation:
         self.reactions: list = []  # what obstacles and boundaries bear, with `histories(simulation)`
         self.stages: list[Stage] = []
         self.preparations: list[Callable[[Simulation], None]] = []  # once at the start
+        self.refusals_of_step: list[Callable[[Simulation], None]] = []  # at its end, when the first step is known
         self.guards: list = []  # what may write a checkpoint, stop the run, or take it back: `periporo.core.watch`
         self.departures: Departures | None = None  # points that leave the scene
         self.sleep: Sleep | None = None  # of points at rest
@@ -271,6 +272,8 @@ class Simulation:
         self.bonds.initial_stress = None  # from now on, a row without a past is a point that lands
         self.ledger = Ledger(self.comm, self.particles, None, self.departures, self.sleep, self.reactions)
         self.dt = self.time_step.choose(self)
+        for refuse in self.refusals_of_step:
+            refuse(self)
 
     def _confirm_start(self) -> None:
         """Raise InputError, on all ranks alike, if a law cannot begin with the stress or the strength of its rows."""

@@ -46,10 +46,11 @@ from periporo.core.scene.grounds import share_grounds
 from periporo.core.scene.images import build_images
 from periporo.core.scene.points import PointMaker
 from periporo.core.scene.stages import build_stage, flying_bodies
-from periporo.core.scene.water import build_water, refuse_inner_inflows, wetted
+from periporo.core.scene.water import build_water, refuse_hasty_flow, refuse_inner_inflows, wetted
 from periporo.core.simulation import Simulation
 from periporo.core.watch.reactions import Reactions
 from periporo.core.watch.strength import StrengthReductionStage
+from periporo.core.water.flow import FlowingWater
 from periporo.errors import InputError, Problem
 from periporo.io.geometry import lattice as geometry
 from periporo.io.geometry.origin import relative, scene_origin
@@ -92,6 +93,8 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
     sim.stages = [build_stage(scene, sim, stage, contacts, free_water, lattices) for stage in scene.stages]
     if any(stage.inflows for stage in sim.stages):
         sim.preparations.append(lambda sim: refuse_inner_inflows(scene, sim))
+    if isinstance(water, FlowingWater) and any(stage.type not in STILL for stage in scene.stages):
+        sim.refusals_of_step.append(lambda sim: refuse_hasty_flow(scene, sim, water))
     build_constructions(scene, sim, lattices, maker)
     for model, built in zip(scene.stages, sim.stages, strict=True):
         built.contacts += [between[m] for m in [_bodies_models(scene, model)] if m]

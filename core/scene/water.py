@@ -4,7 +4,7 @@ import numpy as np
 
 from periporo.core.scene.pressures import known_pressures, pressure_around
 from periporo.core.water.bishop import bishop_of
-from periporo.core.water.flow import FlowingWater, Permeability
+from periporo.core.water.flow import MOST_STAGES, TOO_FAST, FlowingWater, Permeability
 from periporo.core.water.increments import Increments
 from periporo.core.water.pore_water import DrainedWater, Pores, PoreWater, UndrainedWater
 from periporo.core.water.pressure import (
@@ -36,7 +36,8 @@ def build_water(scene, materials) -> PoreWater:
     if water.free_water is not None:
         free = FreeWater(_over_time(water.free_water.level), *_weight(scene))
     if water.drainage == "flowing":
-        flowing = FlowingWater(pores, _profile(scene), free, _permeability(scene))
+        rains = any(b.water is not None and b.water.rain is not None for b in scene.boundaries.values())
+        flowing = FlowingWater(pores, _profile(scene), free, _permeability(scene), rains)
         if any(stage.type == "quasi_static" for stage in scene.stages):
             flowing.increments = Increments(flowing)
         return flowing
@@ -72,6 +73,19 @@ def refuse_inner_inflows(scene, sim) -> None:
                     "reach to the surface, or choose another side"
                 )
                 raise InputError("scene", [Problem(("boundaries", name, "water"), message)])
+
+
+def refuse_hasty_flow(scene, sim, water: FlowingWater) -> None:
+    """Raise InputError if water flows so fast that a step of motion cannot follow it."""
+    p = sim.particles
+    if water.stages_within(p, water.network(p), sim.dt) <= MOST_STAGES:
+        return
+    worst = list(scene.materials)[int(np.argmax(water.permeability.mobility))]
+    own, path = scene.pore_water.soils.get(worst), ("pore_water",)
+    if own is not None and (own.conductivity is not None or own.permeability is not None):
+        path = ("pore_water", "soils", worst)
+    key = "conductivity" if _soil(scene, worst).conductivity is not None else "permeability"
+    raise InputError("scene", [Problem((*path, key), TOO_FAST.format(dt=sim.dt))])
 
 
 def _soil(scene, name):

@@ -5,7 +5,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from periporo.core.water.flow import CONTENT, ENTERED, LEFT, RAN_OFF, FlowingWater
+from periporo.core.water.flow import CONTENT, DISSIPATED, ENTERED, LEFT, RAN_OFF, FlowingWater
 from periporo.core.water.retention import conductivities
 
 PRESSURE, HEAD, FLUX, RAIN = "pressure", "head", "flux", "rain"
@@ -97,13 +97,17 @@ class WaterBoundary:
         else:
             way = faces.normal * faces.distance[:, None]
             pressure = self._pressure(p.position[rows] + way, value, time, water)
-            entering = self._entering(p, faces, way, pressure, water)
+            entering, driven = self._entering(p, faces, way, pressure, water)
+            could = entering
         if self.kind == RAIN:
             open_to_rain = pressure <= 0.0
             level_area = area * np.maximum((faces.normal * -water.permeability.direction).sum(axis=1), 0.0)
             falling = value * level_area * open_to_rain
             entering = np.where(open_to_rain, np.minimum(entering, falling), entering)
             flow[rows, RAN_OFF] += falling - np.clip(entering, 0.0, falling)
+        if self.kind != FLUX:
+            part = np.divide(entering, could, out=np.ones(len(rows)), where=could != 0.0)  # the rest did not enter
+            flow[rows, DISSIPATED] += entering * driven * part
         flow[rows, CONTENT] += entering
         flow[rows, ENTERED] += np.maximum(entering, 0.0)
         flow[rows, LEFT] += np.maximum(-entering, 0.0)
@@ -120,8 +124,9 @@ class WaterBoundary:
         return np.maximum(water.free.weight * water.free.level(time) + (place * weight).sum(axis=1), 0.0)
 
     def _entering(self, p, faces, way, pressure, water):
-        """Flow (n,) m^3/s from faces under `pressure` into their points, half a cell away."""
+        """Flow (n,) m^3/s from faces under `pressure` into their points, half a cell away, and what drives it, Pa."""
         weight, rows = water.pores.density * water.permeability.gravity, faces.rows
         driven = pressure - p.pore_pressure[rows] - (way * weight).sum(axis=1)
         outside = conductivities(water.curves, p.material[rows], -pressure, p.porosity[rows], p.pore_dilation[rows])
-        return self.conducted(p, faces, water) * driven * np.where(driven > 0.0, outside, p.flow_state[rows, 1])
+        relative = np.where(driven > 0.0, outside, p.flow_state[rows, 1])
+        return self.conducted(p, faces, water) * driven * relative, driven

@@ -10,11 +10,12 @@ import numpy as np
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics.jit import inlined, kernel
 from periporo.core.water.bishop import factor_of
-from periporo.core.water.retention import FULL, saturation_of
+from periporo.core.water.retention import FULL, saturation_of, saturations
 
 _CONVERGED = 1e-14  # of the volume, in the equation for the pressure
 _MOST_ITERATIONS = 200
 _FIRST_SUCTION = 1e3  # Pa
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 
 
 def follow_volume(p, gradient, dt: float) -> None:
@@ -103,3 +104,20 @@ def _fill_stiffness(rows, material, bulk, curves, factors, pressure, porosity, d
         squeezed = 1.0 + pressure[i] / bulk
         rate = s * squeezed / (porosity[i] * (s / bulk - slope * squeezed))  # of p
         result[r] = rate * max(chi - pressure[i] * chi_slope, 0.0)
+
+
+def stored_energy(material, bulk: float, curves, pressure, porosity, dilation, volume) -> np.ndarray:
+    """Energy (n,) J of the water of points beyond that of full pores without pressure.
+
+    In the volume V_p of the pores: what compresses the water, K_w V_p [(1 + x) ln(1 + x) - x] S with x = p/K_w, to the
+    fourth order, and what air has taken the place of water against, V_p times the integral of s dS.
+    """
+    suction, x = np.maximum(-pressure, 0.0), pressure / bulk
+    saturation = saturations(curves, material, suction, porosity, dilation)
+    energy = bulk * saturation * x * x * (0.5 - x / 6.0 + x * x / 12.0)
+    if (saturation < 1.0).any():
+        held = np.zeros(len(pressure))
+        for node, weight in zip(0.5 * (1.0 + _NODES), 0.5 * _WEIGHTS, strict=True):
+            held += weight * saturations(curves, material, node * suction, porosity, dilation)
+        energy += suction * (held - saturation)
+    return volume * dilation * porosity * energy

@@ -25,9 +25,14 @@ from periporo.errors import WaterError
 
 _REFRESH = 20  # steps between looks at the geometry
 MOST_STAGES = 199
-CONTENT, ENTERED, LEFT, RAN_OFF = range(4)  # columns of the unknowns of a step
+TOO_FAST = (
+    "the flow of water is too fast for the time step of {dt:.3g} s: are conductivity (m/s) and permeability (m^2, some "
+    "1e-7 times that) in their units? Lower them or bulk_modulus, let water flow in a quasi_static stage, or take "
+    "drained water"
+)
+CONTENT, DISSIPATED, ENTERED, LEFT, RAN_OFF = range(5)  # columns of the unknowns of a step; the last where rain falls
 UNITS = {"water_stored": "m^3", "water_inflow": "m^3", "water_outflow": "m^3", "water_runoff": "m^3",
-         "water_balance": "m^3"}  # fmt: skip
+         "water_balance": "m^3", "flow_dissipation": "J", "water_energy": "J"}  # fmt: skip
 """Histories of the flow; `water_balance` is what is stored beyond the start, less what came in, plus what left."""
 
 
@@ -54,15 +59,17 @@ class Permeability:
 class FlowingWater(UndrainedWater):
     """Water that flows. In relaxation, which takes all the time in the world, it keeps its pressure.
 
-    Point fields besides those of water that stays: `exchanged_water` (n, 4) m^3, what the point held at the start, what
-    has come in and left through boundaries, and what rain has run off it.
+    Point fields besides those of water that stays: `exchanged_water` (n, 4|5), what the point held at the start, m^3,
+    what flow to and from it has dissipated, J, what has come in and left through boundaries, m^3, and, if in the scene
+    it `rains`, what of that has run off.
     """
 
     stays = False
 
-    def __init__(self, pores, profile, free, permeability: Permeability):
+    def __init__(self, pores, profile, free, permeability: Permeability, rains: bool):
         super().__init__(pores, profile, free, permeability.gravity)
         self.permeability = permeability
+        self.sums = 5 if rains else 4
         self.increments: Increments | None = None  # of quasi-static stages
 
     def attach(self, sim) -> None:
@@ -70,7 +77,7 @@ class FlowingWater(UndrainedWater):
         super().attach(sim)
         for field in conductance.fields(sim.particles.dimension):
             sim.particles.add_field(field)
-        sim.particles.add_field(Field("exchanged_water", 4, "m^3", sent=False))
+        sim.particles.add_field(Field("exchanged_water", self.sums, "m^3, J", sent=False))
         if self.increments is not None:
             self.increments.attach(sim)
         d, weight = sim.particles.dimension, self.pores.density * self.permeability.gravity
@@ -87,7 +94,7 @@ class FlowingWater(UndrainedWater):
     def initial_fields(self, owned) -> None:
         """Set what the water is at new points."""
         super().initial_fields(owned)
-        owned["exchanged_water"] = np.zeros((len(owned["id"]), 4))
+        owned["exchanged_water"] = np.zeros((len(owned["id"]), self.sums))
         owned["exchanged_water"][:, CONTENT] = owned["water_content"]
 
     def _advance(self, p, dt):
@@ -115,23 +122,25 @@ class FlowingWater(UndrainedWater):
         conductance.find_conduction(p, self._sim.bonds.pairs, self._sim.halo, self.permeability.factors)
 
     def histories(self) -> dict[str, float]:
-        """What is stored, has come in and left, and the balance; collective."""
+        """What is stored, has come in and left, and the balance; what flow dissipates and water stores; collective."""
         p = self._sim.particles
-        rows = np.column_stack([p.water_content, p.exchanged_water])
-        stored, start, entered, left, ran_off = exact_sum(self._sim.comm, rows).tolist()
-        return dict(zip(UNITS, (stored, entered, left, ran_off, stored - start - entered + left), strict=True))
+        rows = np.column_stack([p.water_content, self.energies(p), p.exchanged_water])
+        stored, energy, start, dissipated, entered, left, *ran_off = exact_sum(self._sim.comm, rows).tolist()
+        balance = stored - start - entered + left
+        found = stored, entered, left, sum(ran_off), balance, dissipated, energy
+        return dict(zip(UNITS, found, strict=True))
 
     def _flow(self, p, dt):
         """Let water flow for `dt` s, in pores of constant volume."""
         net = self.network(p)
-        stages = stages_for(0.5 * dt * self.fastest(p, net, np.zeros(p.owned)))
+        stages = self.stages_within(p, net, dt)
         if not stages <= MOST_STAGES:
-            raise WaterError(
-                f"the flow of water is too fast for the time step of {dt:.3g} s: are conductivity (m/s) and "
-                "permeability (m^2, some 1e-7 times that) in their units? Lower them or bulk_modulus, let water flow "
-                "in a quasi_static stage, or take drained water"
-            )
+            raise WaterError(TOO_FAST.format(dt=dt))
         self.transport(p, net, self._sim.time, dt, stages, lambda gone: self._fill_pressure(p))
+
+    def stages_within(self, p, net, dt: float) -> float:
+        """Stages that the flow through `net` needs in a step of `dt` s; collective."""
+        return stages_for(0.5 * dt * self.fastest(p, net, np.zeros(p.owned)))
 
     def network(self, p) -> tuple:
         """What conducts water at present: of every pair a kappa and rho_w g . xi, and inflows with their faces."""
@@ -153,7 +162,7 @@ class FlowingWater(UndrainedWater):
         """
         n, pairs = p.owned, self._sim.bonds.pairs
         conducted, drop, inflows = net
-        start = np.zeros((n + 1, 4 if inflows else 1))  # the last row is a clock
+        start = np.zeros((n + 1, self.sums if inflows else ENTERED))  # the last row is a clock
         start[:n, CONTENT] = p.water_content
 
         def fill(state):
@@ -172,8 +181,7 @@ class FlowingWater(UndrainedWater):
             return flow[: n + 1]
 
         state = integrate(flow_of, start, dt, stages)
-        if inflows:
-            p.exchanged_water[:, ENTERED:] += state[:n, ENTERED:]
+        p.exchanged_water[:, DISSIPATED : start.shape[1]] += state[:n, DISSIPATED:]
         fill(state)
 
     def describe(self, p):
@@ -247,6 +255,8 @@ def _add_flows(first, second, conducted, drop, state, flow):
         q = conducted[b] * driven * 0.5 * (state[j, 1] + state[i, 1])
         flow[i, CONTENT] += q
         flow[j, CONTENT] -= q
+        flow[i, DISSIPATED] += 0.5 * q * driven
+        flow[j, DISSIPATED] += 0.5 * q * driven
 
 
 @kernel

@@ -26,11 +26,11 @@ from periporo.core.water.content import follow_volume
 from periporo.core.water.retention import saturation_of
 from periporo.core.water.stages import EULER, stages_for
 
-_COLUMNS = 13
-# at the start of the increment: p, J as assumed and as found, w, and what had been exchanged; c S_0; C, what it is
-# wrong by, and what it makes good; rates of p, and of J beyond c S_0 p, in the increment before
-PRESSURE, DILATION, FOUND, WATER, EXCHANGED = 0, 1, 2, 3, slice(4, 7)
-COMPLIANCE, CORRECTION, WRONG, CARRIED, PRESSURE_RATE, DILATION_RATE = range(7, 13)
+# at the start of the increment: p, J as assumed and as found, w; c S_0; C, what it is wrong by, and what it makes good;
+# rates of p, and of J beyond c S_0 p, in the increment before; and what had been exchanged at its start
+PRESSURE, DILATION, FOUND, WATER = range(4)
+COMPLIANCE, CORRECTION, WRONG, CARRIED, PRESSURE_RATE, DILATION_RATE = range(4, 10)
+EXCHANGED = slice(10, None)
 _SHORTEST = 1.0  # longest explicit steps of the flow
 _MOST_STAGES = 199  # of the flow at once
 _FASTER, _MUCH_FASTER = 1.2, 8.0  # what the flow may become in an increment; else it is done again, or is too long
@@ -56,7 +56,8 @@ class Increments:
     def attach(self, sim) -> None:
         """Declare the point field."""
         self._sim = sim
-        sim.particles.add_field(Field("increment", _COLUMNS, "Pa, 1, m^3, 1/Pa, 1/s", sent=False))
+        columns = EXCHANGED.start + self.water.sums - 1
+        sim.particles.add_field(Field("increment", columns, "Pa, 1, m^3, 1/Pa, 1/s, J", sent=False))
         sim.particles.add_field(Field("averaged", None, "1", migrates=False))
 
     def start(self) -> None:

@@ -20,9 +20,10 @@ from periporo.core.numerics.jit import kernel
 from periporo.core.points.forces import WORK
 from periporo.core.points.material import BONDING
 from periporo.core.points.particles import Field
+from periporo.core.ranks.reductions import exact_sum
 from periporo.core.water import smoothing
 from periporo.core.water.bishop import pore_stress
-from periporo.core.water.content import fill_content, fill_pressure, follow_volume, pore_stiffness
+from periporo.core.water.content import fill_content, fill_pressure, follow_volume, pore_stiffness, stored_energy
 from periporo.core.water.pressure import FreeWater, GivenPressure, Profile, UniformSuction
 from periporo.core.water.retention import FULL, Retention, packed, saturations
 
@@ -156,6 +157,11 @@ class PoreWater:
         """Pressure, saturation, porosity and mass of the owned points at the end of the step."""
         raise NotImplementedError
 
+    def histories(self) -> dict[str, float]:
+        """What is stored, m^3 at zero pressure; collective."""
+        p = self._sim.particles
+        return {"water_stored": float(exact_sum(self._sim.comm, (p.mass - p.grain_mass) / self.pores.density)[0])}
+
     def exchange(self, p, content) -> None:
         """Let the owned points hold the `content` (owned,) m^3 of water at zero pressure."""
         _exchange_water(
@@ -253,6 +259,18 @@ class UndrainedWater(PoreWater):
         fill_pressure(
             p.owned, p.material, self.pores.porosity, p.volume, p.pore_dilation, self.pores.bulk_modulus, self.curves,
             p.water_content, p.porosity, p.saturation, p.pore_pressure,
+        )  # fmt: skip
+
+    def histories(self) -> dict[str, float]:
+        """What is stored, m^3, and the energy of that, J; collective."""
+        rows = np.column_stack([self._sim.particles.water_content, self.energies(self._sim.particles)])
+        return dict(zip(("water_stored", "water_energy"), exact_sum(self._sim.comm, rows).tolist(), strict=True))
+
+    def energies(self, p) -> np.ndarray:
+        """What the water of the owned points stores by pressure and suction, (n,) J, see `stored_energy`."""
+        return stored_energy(
+            p.material[: p.owned], self.pores.bulk_modulus, self.curves, p.pore_pressure, p.porosity, p.pore_dilation,
+            p.volume,
         )  # fmt: skip
 
     def _stiffness(self, block) -> np.ndarray:

@@ -80,9 +80,8 @@ def tabulated(suction, saturation, conductivity=None) -> Retention:
     """
     s, y = np.asarray(suction, float), np.asarray(saturation, float)
     if len(s) < 2 or not (np.diff(s) > 0).all() or not (s >= 0).all():
-        raise ValueError("retention table: needs at least two rows with increasing suctions >= 0")
-    if not ((y >= 0) & (y <= 1)).all() or not (np.diff(y) <= 0).all():
-        raise ValueError("retention table: saturations must lie in [0, 1] and not increase with suction")
+        raise ValueError("retention table: needs at least two rows with increasing suctions >= 0, Pa; sort the rows")
+    _refuse_rise("saturation", s, y)
     if y[0] != 1.0:
         raise ValueError(
             f"retention table: its first saturation must be 1, not {y[0]:g}: pores under pressure are full; begin with "
@@ -94,9 +93,27 @@ def tabulated(suction, saturation, conductivity=None) -> Retention:
     inner = np.where(product > 0, 3 * (h[1:] + h[:-1]) * product / np.where(product > 0, weighted, 1.0), 0.0)
     slopes = np.concatenate([slope[:1], inner, slope[-1:]])
     kr = y**3 if conductivity is None else np.asarray(conductivity, float)
-    if not ((kr >= 0) & (kr <= 1)).all() or not (np.diff(kr) <= 0).all():
-        raise ValueError("retention table: conductivities must lie in [0, 1] and not increase with suction")
+    _refuse_rise("conductivity", s, kr)
     return Retention(TABLE, (float(len(s)), *s, *y, *slopes, *kr))
+
+
+def _refuse_rise(name, suction, values):
+    """Raise ValueError for `values` outside of [0, 1], or that increase with suction, and say which."""
+    bad = np.flatnonzero(~((values >= 0) & (values <= 1)))
+    if len(bad):
+        k = bad[0]
+        raise ValueError(
+            f"retention table: row {k + 1} has a {name} of {values[k]:g}; it must lie in [0, 1], as a part of that of "
+            "full pores: are these percent?"
+        )
+    rises = np.flatnonzero(~(np.diff(values) <= 0))
+    if len(rises):
+        k = rises[0]
+        raise ValueError(
+            f"retention table: from row {k + 1} to row {k + 2} the {name} rises from {values[k]:g} to "
+            f"{values[k + 1]:g}, while suction grows from {suction[k]:g} to {suction[k + 1]:g} Pa; it must not "
+            "increase with suction: sort the rows, keep one branch of a hysteresis, or smooth them"
+        )
 
 
 def retention_of(model) -> Retention:

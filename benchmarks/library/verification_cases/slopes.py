@@ -84,7 +84,7 @@ class _AlongSlope:
     gradient: float
     varies = True
 
-    def at(self, position):
+    def at(self, position, time=0.0):
         return self.gradient * np.maximum(1.0 - position[:, 1], 0.0)
 
 

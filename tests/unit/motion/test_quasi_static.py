@@ -27,7 +27,10 @@ def flow(sim):
 
 
 def test_a_load_is_borne_by_the_water_first_and_by_the_soil_at_last(scene_of, started):
-    """At once p = q; after long times p is hydrostatic and the soil is compressed as Hooke says; energy is known."""
+    """At once p = q; after long times p is hydrostatic and the soil is compressed as Hooke says; energy is known.
+
+    Half of the work of the load has gone by flow.
+    """
     load = 1e4
     boundaries = SIDES | {
         "load": {"where": {"lower": [None, 0.19]}, "traction": {"stress": [0.0, -load], "side": "y+"}},
@@ -49,6 +52,8 @@ def test_a_load_is_borne_by_the_water_first_and_by_the_soil_at_last(scene_of, st
     sums, entries = flow(sim).histories(), sim.ledger.entries()
     assert sums["water_outflow"] == pytest.approx(down.max() * 0.04, rel=0.06)
     assert abs(sums["water_balance"]) < 1e-13 * sums["water_stored"]
+    half = 0.5 * load * sums["water_outflow"]  # of the work of the load; what the soil stores is the other
+    assert sums["flow_dissipation"] == pytest.approx(half, rel=0.03)
     error = entries["energy_residual"] - entries["integration_term"]
     assert abs(error) < 1e-9 * entries["external_work"]
 

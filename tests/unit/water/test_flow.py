@@ -248,9 +248,18 @@ def test_what_flow_needs_is_said(scene_of, started, tmp_path):
         parse_scene(scene | {"pore_water": FLOWING | {"permeability": 1e-9}}, ".")
     with pytest.raises(InputError, match="would pull water of a bulk_modulus of 1000 Pa apart"):
         parse_scene(scene | {"pore_water": FLOWING | {"suction": 500, "bulk_modulus": 1e3}}, ".")
+    named = next(iter(scene["materials"]))
+    for own, place in (({"permeability": 1e-5}, r"pore_water\.permeability"),
+                       ({"conductivity": 1e-3, "soils": {named: {"permeability": 1e-5}}}, r"soils\.\w+\.permeability")):
+        with pytest.raises(InputError, match=rf"(?s){place}: .* too\s+fast\s+for\s+the\s+time\s+step"):
+            started(scene | {"pore_water": dry | own})
+    sim = started(scene)
+    process = next(q for q in sim.point_processes if isinstance(q, FlowingWater))
     with pytest.raises(WaterError, match=r"too fast for the time step .* are conductivity \(m/s\) and permeability"):
-        started(scene | {"pore_water": dry | {"permeability": 1e-5}}).step()
-    for text, words in (("0,1\n1000\n", "row 2 has 1 columns, not the 2"), ("0,.9\n1000,.5\n", "saturation must be 1")):
+        process._flow(sim.particles, 1e3)
+    for text, words in (("0,1\n1000\n", "row 2 has 1 columns, not the 2"), ("0,.9\n1000,.5\n", "saturation must be 1"),
+                        ("0,1\n1e3,.5\n2e3,.6\n", "from row 2 to row 3 the saturation rises from 0.5 to 0.6"),
+                        ("0,1\n1e3,50\n", "row 2 has a saturation of 50; it must lie in")):
         (tmp_path / "curve.csv").write_text("suction,saturation\n" + text)
         with pytest.raises(InputError, match=words.replace(" ", r"\s+")):
             started(scene | {"pore_water": FLOWING | {"retention": {"table": "curve.csv"}}}, tmp_path)

@@ -5,7 +5,7 @@ import pytest
 
 from periporo.core.motion.rebuilds import rebuild
 from periporo.core.scene.doubts import doubts_about
-from periporo.core.water.flow import FlowingWater
+from periporo.core.water.flow import LEFT, FlowingWater
 from periporo.errors import InputError
 from periporo.io.input.load import parse_scene
 
@@ -82,7 +82,7 @@ def test_a_drain_behind_a_wall(dimension, counts, scene_of, started):
     assert faces.normal[:, 0] == pytest.approx(1.0)
     sim.inflows = sim.stages[0].inflows
     sim.step()
-    left = p.exchanged_water[:, 2] > 0.0
+    left = p.exchanged_water[:, LEFT] > 0.0
     assert left.any() and (p.position[left, -1] < 0.5 * height).all() and (p.position[left, 0] > side - H).all()
     flux = {"flux": {"times": [0, 1], "values": [SPEED, SPEED]}}
     sim = started(held(scene_of, dimension, counts, {"well": at("wall", **flux)}, contacts, step=1e-4))

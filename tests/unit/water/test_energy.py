@@ -1,0 +1,67 @@
+"""What water stores and flow takes: against the work of pressure, of pores squeezed, dried, or flowed through."""
+
+import numpy as np
+import pytest
+
+from periporo.core.water.content import fill_content, fill_pressure, stored_energy
+from periporo.core.water.flow import FlowingWater
+from periporo.core.water.retention import Retention, exponential, packed, tabulated, van_genuchten
+
+PORES, BULK = 0.4, 2e7
+SAND = {"model": "elastic", "density": 1590.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
+ONE, START = np.ones(1), np.zeros(1, np.int64)
+GAMMA, SPEED = 9810.0, 1e-3
+
+
+def known(curves, ratio):
+    return 1, START, np.array([PORES]), ONE, np.array([ratio]), BULK, curves
+
+
+def test_what_a_squeeze_stores():
+    """Full pores squeezed by a tenth of their volume: minus the integral of p dV."""
+    curves, content = packed([Retention(0)]), np.empty(1)
+    phi, s, p = np.empty(1), np.empty(1), np.zeros(1)
+    fill_content(*known(curves, 1.0), p, phi, s, content)
+    ratios, pressures = np.linspace(1.0, 1.0 - 0.1 * PORES, 2001), []
+    for ratio in ratios:
+        fill_pressure(*known(curves, ratio), content, phi, s, p)
+        pressures.append(p[0])
+    energy = stored_energy(START, BULK, curves, p, phi, np.array([ratios[-1]]), ONE)[0]
+    assert energy == pytest.approx(-np.trapezoid(pressures, ratios), rel=1e-3) and energy > 1e4
+
+
+@pytest.mark.parametrize("curve", [van_genuchten(0.2, 2.0, 0.1), exponential(0.1, 0.0), tabulated([0, 3e4], [1, 0.3])])
+def test_what_drying_stores(curve):
+    """Rigid pores that are dried: the integral of p over the water that has left."""
+    curves, suctions = packed([curve]), np.linspace(0.0, 2e4, 2001)
+    contents = []
+    for suction in suctions:
+        content, phi, s = np.empty(1), np.empty(1), np.empty(1)
+        fill_content(*known(curves, 1.0), np.array([-suction]), phi, s, content)
+        contents.append(content[0])
+    energy = stored_energy(START, BULK, curves, np.array([-2e4]), phi, ONE, ONE)[0]
+    assert energy == pytest.approx(-np.trapezoid(suctions, contents), rel=2e-3)
+
+
+def test_steady_flow_takes_what_its_heads_give(scene_of, started):
+    """Water that falls from one head to another gives rho g Q dh, in pairs and half cells; none is lost or stored."""
+    def row(level):
+        return {"lower": [None, level - 0.005], "upper": [None, level + 0.005]}
+
+    boundaries = {"still": {"where": {"body": "block"}, "fix": ["x", "y"]},
+                  "top": {"where": row(0.095), "water": {"head": 0.5, "side": "y+"}},
+                  "base": {"where": row(0.005), "water": {"head": 0.1, "side": "y-"}}}  # fmt: skip
+    stage = {"name": "flow", "type": "dynamics", "duration": 0.1, "boundaries": list(boundaries)}
+    water = {"suction": 0, "drainage": "flowing", "porosity": PORES, "bulk_modulus": 1e6, "conductivity": SPEED}
+    sim = started(scene_of(counts=(3, 10), materials=SAND, contacts=[], pore_water=water, boundaries=boundaries,
+                           stages=[stage], time_step={"fixed": 2e-3}))  # fmt: skip
+    sim.run()
+    process = next(q for q in sim.point_processes if isinstance(q, FlowingWater))
+    before = process.histories()
+    for _ in range(10):
+        sim.step()
+    after = process.histories()
+    passed = after["water_inflow"] - before["water_inflow"]
+    taken = after["flow_dissipation"] - before["flow_dissipation"]
+    assert passed > 0.0 and taken == pytest.approx(GAMMA * passed * 0.4, rel=1e-3)
+    assert after["water_energy"] == pytest.approx(before["water_energy"], rel=1e-3)
