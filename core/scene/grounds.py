@@ -57,4 +57,6 @@ def _files(scene) -> tuple[list[RasterFile], list[tuple[str, tuple[float, ...]]]
                 meshes.append((contact.ground.file, contact.ground._origin))
             else:
                 rasters.append(contact.ground)
+            if isinstance(contact.friction, RasterFile):
+                rasters.append(contact.friction)
     return rasters, list(dict.fromkeys(meshes))

@@ -14,7 +14,8 @@ from periporo.io.geometry.rasters import GroundFileError, Raster, read_raster
 from periporo.io.geometry.shapes import surface
 from periporo.io.schema.bodies import Mesh, Points
 from periporo.io.schema.bodies import Raster as RasterShape
-from periporo.io.schema.obstacles import TerrainContact
+from periporo.io.schema.ground import RasterFile
+from periporo.io.schema.obstacles import MAX_FRICTION, TerrainContact
 from periporo.io.schema.scene import SceneInput
 
 
@@ -50,6 +51,21 @@ def _readings(scene: SceneInput) -> Iterator[tuple[Path, Callable[[], object]]]:
             ground = contact.ground
             read = partial(read_mesh, ground.file) if ground.is_mesh else partial(read_raster, ground)
             yield ("contacts", k, "ground"), read
+            if isinstance(contact.friction, RasterFile):
+                yield ("contacts", k, "friction"), partial(_read_friction, contact.friction)
+
+
+def _read_friction(model: RasterFile) -> None:
+    """Raise GroundFileError if there is a place without a coefficient of friction, for soil may come to any."""
+    raster = read_raster(model)
+    bad = ~((raster.level >= 0.0) & (raster.level <= MAX_FRICTION))
+    if bad.any():
+        j, i = np.argwhere(bad)[0]
+        place, value = raster.corner + np.array([i, j]) * raster.cell, raster.level[j, i]
+        has = "has no value (NODATA)" if np.isnan(value) else f"is {value:.6g}"
+        raise GroundFileError(
+            f"the friction {has} {_at(raster, place)}; give it everywhere, from 0 to {MAX_FRICTION:g}"
+        )
 
 
 def _layer_problems(path: Path, layer: Layer, spacing: float) -> Iterator[Problem]:
