@@ -38,7 +38,7 @@ def _readings(scene: SceneInput) -> Iterator[tuple[Path, Callable[[], object]]]:
         path, shape = ("bodies", k, "shape"), body.shape
         match shape:
             case Points():
-                yield (*path, "file"), partial(read_points, shape.file, scene.dimension)
+                yield (*path, "file"), partial(read_points, shape.file, scene.dimension, cells=shape.cells)
             case Mesh():
                 yield (*path, "file"), partial(surface, shape)
             case RasterShape():
