@@ -70,7 +70,8 @@ def add_contact_force(
 ):  # fmt: skip
     """Add the force of an obstacle on the points in `rows`, whose gaps and normals (rows, d) are given.
 
-    Moves cells and stick springs; velocities are those of the middle of a step of `dt` s. `obstacle` (rows, d) m/s.
+    Moves cells and stick springs; velocities are those of the middle of a step of `dt` s. `obstacle` (rows, d) m/s,
+    `friction` (rows,), or (1,) for all.
     """
     d = len(dim)
     lever, face, load = np.zeros(d), np.zeros(d), np.zeros(d)
@@ -120,7 +121,7 @@ def add_contact_force(
             spring[i, a] -= along * normal[k, a]  # the surface may have turned under the face
             size += spring[i, a] ** 2
         size = np.sqrt(size)
-        limit = friction * pressure / stiffness
+        limit = friction[min(k, friction.shape[0] - 1)] * pressure / stiffness
         scale = limit / size if size > limit else 1.0
         for a in range(d):
             spring[i, a] *= scale

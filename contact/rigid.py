@@ -26,6 +26,7 @@ from periporo.contact.penalty import SOON, add_contact_force, guide_points, resi
 from periporo.contact.reaction import Feelers, Reaction
 from periporo.contact.search import Search, largest_length
 from periporo.contact.surfaces import Surface
+from periporo.contact.terrain import FrictionMap
 from periporo.core.points.forces import CONTACT, FRICTION, ForceChannels
 from periporo.core.points.particles import Field, Particles
 
@@ -42,15 +43,16 @@ _LOST = 1.0  # reaches behind a surface from which on a point has passed through
 class RigidContact:
     """Contact of all points with one rigid surface.
 
-    `stiffness` N/m per point, `friction` coefficient, `damping` share of critical damping along the normal; `motion` of
-    the obstacle, which is where its surface says when it appears, and stands without. `reaction` adds up what the
-    obstacle bears, if that is told; `feelers` of a free obstacle are where it feels others; `modulus` Pa is what the
-    stiffness was chosen for, and follows, or None if it was given. Only points that were within the contact's reach
-    plus `skin` m when the neighbours were found are looked at. Needs the force channels `contact` and `friction`.
+    `stiffness` N/m per point, `friction` coefficient, or a map of it, `damping` share of critical damping along the
+    normal; `motion` of the obstacle, which is where its surface says when it appears, and stands without. `reaction`
+    adds up what the obstacle bears, if that is told; `feelers` of a free obstacle are where it feels others; `modulus`
+    Pa is what the stiffness was chosen for, and follows, or None if it was given. Only points that were within the
+    contact's reach plus `skin` m when the neighbours were found are looked at. Needs the force channels `contact` and
+    `friction`.
     """
 
     def __init__(
-        self, name, surface: Surface, *, spacing, skin, stiffness, friction, damping=0.0,
+        self, name, surface: Surface, *, spacing, skin, stiffness, friction: float | FrictionMap, damping=0.0,
         motion: Motion | None = None, reaction: Reaction | None = None, feelers: Feelers | None = None,
         search: Search | None = None, modulus: float | None = None,
     ):  # fmt: skip
@@ -59,7 +61,7 @@ class RigidContact:
         self.reach = 0.5 * spacing
         self.skin = skin
         self.stiffness = stiffness
-        self.friction = friction
+        self._friction = friction
         self.damping = damping
         self.motion, self.reaction, self.feelers = motion, reaction, feelers
         self.modulus = modulus
@@ -170,7 +172,7 @@ class RigidContact:
                 obstacle = velocity_between(before, self.pose, dt, x)
             add_contact_force(
                 rows, gap, np.ascontiguousarray(normal), p.velocity, p.gradient, p.share, obstacle, p.mass, dt,
-                self.reach, self.stiffness, p.widths(), self.friction, self.damping, p.own(self.spring),
+                self.reach, self.stiffness, p.widths(), self.friction_at(x), self.damping, p.own(self.spring),
                 p.own(self.cell), p.contact_force, p.contact_moment, p.friction_force, p.friction_moment, p.dim,
             )  # fmt: skip
         if self.reaction is not None:
@@ -213,7 +215,7 @@ class RigidContact:
         rows, gap, normal = self._held(p, time, ahead, force)
         resist_faces(
             rows, gap, normal, p.velocity, p.gradient, p.share, self.reach, dt * self.stiffness, p.widths(),
-            self.friction > 0.0, force, moment, p.dim,
+            isinstance(self._friction, FrictionMap) or self._friction > 0.0, force, moment, p.dim,
         )  # fmt: skip
 
     def _held(self, p, time, ahead, filled=None):
@@ -255,6 +257,12 @@ class RigidContact:
         guide_points(
             rows, gap, np.ascontiguousarray(normal), self.reach, p.own(self.cell), room, part, way, lift, p.dim
         )
+
+    def friction_at(self, place: np.ndarray) -> np.ndarray:
+        """Coefficients of friction where the obstacle is now at each `place` (n, d) m: (n,), or (1,) for all."""
+        if isinstance(self._friction, FrictionMap):
+            return self._friction.at(place if self.pose is None else self.pose.entered(place))
+        return np.array([self._friction], float)
 
     def outline(self, p: Particles, time: float, middle: np.ndarray, size: float):
         """How the obstacle is drawn at this time, see `Surface.outline`."""

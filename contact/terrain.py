@@ -8,7 +8,7 @@ import numpy as np
 
 from periporo.contact.surfaces import unbounded
 from periporo.core.numerics.cells import POLYGON, QUAD
-from periporo.core.numerics.heights import height_gap
+from periporo.core.numerics.heights import height_at, height_gap
 from periporo.core.numerics.meshes import TriangleTree, mesh_gap
 
 _FINEST = 100  # cells of a drawing along each axis
@@ -88,6 +88,17 @@ class TriangleSurface:
             triangles = np.unique(triangles[whole], axis=0)
         used, rows = np.unique(triangles, return_inverse=True)
         return _known(corners[used], rows.reshape(-1, 3), POLYGON)
+
+
+class FrictionMap:
+    """Coefficients of friction on a grid, as those of `periporo.core.numerics.heights`."""
+
+    def __init__(self, level, corner, cell):
+        self._level, self._corner, self._cell = level, corner, cell
+
+    def at(self, place: np.ndarray) -> np.ndarray:
+        """Coefficients (n,) at each `place` (n, 3) m."""
+        return height_at(self._level, self._corner, self._cell, place)
 
 
 def _known(points, cells, kind):

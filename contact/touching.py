@@ -65,7 +65,7 @@ class Touching:
         stretched -= (stretched * normal).sum(axis=1)[:, None] * normal  # the surface may have turned
         drag = k * stretched + viscous * slip
         size = np.sqrt((drag**2).sum(axis=1))
-        limit = min(own.friction, other.friction) * pressure
+        limit = np.minimum(own.friction_at(place), other.friction_at(place)) * pressure
         slides = size > limit
         drag[slides] *= (limit[slides] / size[slides])[:, None]
         stretched[slides] = drag[slides] / k

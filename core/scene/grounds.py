@@ -57,6 +57,8 @@ def _files(scene) -> tuple[list[RasterFile], list[tuple[str, tuple[float, ...]]]
                 meshes.append((contact.ground.file, contact.ground._origin))
             else:
                 rasters.append(contact.ground)
+            if isinstance(contact.friction, RasterFile):
+                rasters.append(contact.friction)
     if scene.pore_water is not None and scene.pore_water.phreatic_surface is not None:
         rasters.append(scene.pore_water.phreatic_surface)
     return rasters, list(dict.fromkeys(meshes))

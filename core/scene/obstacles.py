@@ -10,11 +10,12 @@ from periporo.contact.motion import Motion, Prescribed
 from periporo.contact.reaction import Feelers, Reaction
 from periporo.contact.rigid import FAR, RigidContact
 from periporo.contact.search import Search
-from periporo.contact.terrain import HeightField, TriangleSurface
+from periporo.contact.terrain import FrictionMap, HeightField, TriangleSurface
 from periporo.core.numerics.histories import Course
 from periporo.core.scene.boundaries import corrected, over_time
 from periporo.io.geometry.meshes import read_mesh
 from periporo.io.geometry.rasters import read_raster
+from periporo.io.schema.ground import RasterFile
 
 
 def build_obstacle(
@@ -41,9 +42,16 @@ def build_obstacle(
         reaction = Reaction(model.name or f"obstacle_{number}", about, motion)
     return RigidContact(
         str(number), surface_of(model, sim), spacing=scene.spacing, skin=sim.largest_skin, stiffness=stiffness * area,
-        friction=model.friction, damping=model.damping, motion=motion, reaction=reaction, feelers=feelers,
+        friction=_friction(model), damping=model.damping, motion=motion, reaction=reaction, feelers=feelers,
         search=search, modulus=modulus,
     )  # fmt: skip
+
+
+def _friction(model) -> float | FrictionMap:
+    if isinstance(model.friction, RasterFile):
+        raster = read_raster(model.friction)
+        return FrictionMap(raster.level, raster.corner, raster.cell)
+    return float(model.friction)
 
 
 def surface_of(model, sim) -> surfaces.Surface:

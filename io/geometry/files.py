@@ -14,7 +14,8 @@ from periporo.io.geometry.rasters import GroundFileError, Raster, read_raster
 from periporo.io.geometry.shapes import surface
 from periporo.io.schema.bodies import Mesh, Points
 from periporo.io.schema.bodies import Raster as RasterShape
-from periporo.io.schema.obstacles import TerrainContact
+from periporo.io.schema.ground import RasterFile
+from periporo.io.schema.obstacles import MAX_FRICTION, TerrainContact
 from periporo.io.schema.scene import SceneInput
 
 
@@ -38,7 +39,7 @@ def _readings(scene: SceneInput) -> Iterator[tuple[Path, Callable[[], object]]]:
         path, shape = ("bodies", k, "shape"), body.shape
         match shape:
             case Points():
-                yield (*path, "file"), partial(read_points, shape.file, scene.dimension)
+                yield (*path, "file"), partial(read_points, shape.file, scene.dimension, cells=shape.cells)
             case Mesh():
                 yield (*path, "file"), partial(surface, shape)
             case RasterShape():
@@ -51,8 +52,28 @@ def _readings(scene: SceneInput) -> Iterator[tuple[Path, Callable[[], object]]]:
             ground = contact.ground
             read = partial(read_mesh, ground.file) if ground.is_mesh else partial(read_raster, ground)
             yield ("contacts", k, "ground"), read
+            if isinstance(contact.friction, RasterFile):
+                yield ("contacts", k, "friction"), partial(_read_friction, contact.friction)
     if scene.pore_water is not None and scene.pore_water.phreatic_surface is not None:
         yield ("pore_water", "phreatic_surface"), partial(read_raster, scene.pore_water.phreatic_surface)
+
+
+def _read_friction(model: RasterFile) -> None:
+    """Raise GroundFileError if there is a place without a coefficient of friction, for soil may come to any."""
+    raster = read_raster(model)
+    bad = ~((raster.level >= 0.0) & (raster.level <= MAX_FRICTION))
+    if bad.any():
+        i, j = _first(bad)
+        value = raster.level[j, i]
+        has = "has no value (NODATA)" if np.isnan(value) else f"is {value:.6g}"
+        at = _at(raster, raster.place(i, j))
+        raise GroundFileError(f"the friction {has} {at}; give it everywhere, from 0 to {MAX_FRICTION:g}")
+
+
+def _first(places: np.ndarray) -> tuple[int, int]:
+    """Column and row of the first of the marked places (rows, columns) of a raster."""
+    j, i = np.argwhere(places)[0]
+    return int(i), int(j)
 
 
 def _table_problems(scene: SceneInput) -> Iterator[Problem]:
@@ -63,8 +84,8 @@ def _table_problems(scene: SceneInput) -> Iterator[Problem]:
     raster, path = read_raster(table), ("pore_water", "phreatic_surface")
     bare = np.isnan(raster.level)
     if bare.any():
-        j, i = np.unravel_index(int(np.argmax(bare)), bare.shape)
-        message = f"has {int(bare.sum())} places without a value (NODATA), the first {_at(raster, raster.place(i, j))}"
+        at = _at(raster, raster.place(*_first(bare)))
+        message = f"has {int(bare.sum())} places without a value (NODATA), the first {at}"
         yield Problem(path, f"{message}; water needs a level everywhere: fill them, or cut the raster")
 
 

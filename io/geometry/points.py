@@ -1,8 +1,12 @@
-"""Points of a body from a file: CSV, or VTK files through the optional `vtk` package."""
+"""Points of a body from a file: CSV; VTK through the optional package `vtk`; cells of meshes through `meshio`."""
 
+import contextlib
 import csv
+import difflib
+import io
 import math
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -11,7 +15,19 @@ from typing import Any
 import numpy as np
 
 MAX_FILE_BYTES = 2_000_000_000
+_TABLES = (".csv", ".xyz")
 _VTK_SUFFIXES = (".vtk", ".vtu", ".vtp")
+
+
+_MESH_SUFFIXES = (".msh", ".inp", ".med", ".bdf", ".xdmf")
+_TRIANGLES = {"triangle": ((0, 1, 2),), "quad": ((0, 1, 2), (0, 2, 3))}
+_TETRAHEDRA = {
+    "tetra": ((0, 1, 2, 3),),
+    "pyramid": ((0, 1, 2, 4), (0, 2, 3, 4)),
+    "wedge": ((0, 1, 2, 5), (0, 1, 5, 4), (0, 4, 5, 3)),
+    "hexahedron": ((0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)),
+}
+_LESS = {2: ("vertex", "line"), 3: ("vertex", "line", "triangle", "quad")}  # cells of fewer dimensions
 
 
 class PointFileError(ValueError):
@@ -26,10 +42,10 @@ class PointTable:
     volumes: np.ndarray | None
 
 
-def read_points(name: str, dimension: int, origin: tuple[float, ...] = ()) -> PointTable:
+def read_points(name: str, dimension: int, origin: tuple[float, ...] = (), *, cells: bool = False) -> PointTable:
     """The points of file `name`, read once, their places counted from `origin` (d,) m, by default as in the file.
 
-    Raises PointFileError if they cannot be used as they are.
+    Of `cells`, and always of a mesh, they are the middles. Raises PointFileError if they cannot be used as they are.
     """
     try:
         found = Path(name).stat()
@@ -37,16 +53,19 @@ def read_points(name: str, dimension: int, origin: tuple[float, ...] = ()) -> Po
         raise PointFileError(f"the file cannot be read: {error.strerror}") from None
     if found.st_size > MAX_FILE_BYTES:
         raise PointFileError(f"the file is larger than {MAX_FILE_BYTES // 10**9} GB")
-    return _read(Path(name), dimension, found.st_mtime_ns, origin)
+    return _read(Path(name), dimension, found.st_mtime_ns, origin, cells)
 
 
 @lru_cache(maxsize=8)
-def _read(path: Path, dimension: int, _modified: int, origin: tuple[float, ...]) -> PointTable:
+def _read(path: Path, dimension: int, _modified: int, origin: tuple[float, ...], cells: bool) -> PointTable:
     suffix = path.suffix.lower()
-    if suffix != ".csv" and suffix not in _VTK_SUFFIXES:
-        raise PointFileError(f"unknown kind of file '{suffix}'; allowed: .csv, {', '.join(_VTK_SUFFIXES)}")
-    positions, volumes = _from_csv(path, dimension) if suffix == ".csv" else _from_vtk(path, dimension)
-    _refuse_bad_rows(positions, volumes, first_row=2 if suffix == ".csv" else 0)
+    if suffix not in (*_TABLES, *_VTK_SUFFIXES, *_MESH_SUFFIXES):
+        allowed = ", ".join((*_TABLES, *_VTK_SUFFIXES, *_MESH_SUFFIXES))
+        raise PointFileError(f"unknown kind of file '{suffix}'; allowed: {allowed}")
+    read: Callable[[Path, int], tuple[np.ndarray, np.ndarray | None]]
+    read = _from_cells if cells or suffix in _MESH_SUFFIXES else _from_csv if suffix in _TABLES else _from_vtk
+    positions, volumes = read(path, dimension)
+    _refuse_bad_rows(positions, volumes, first_row=2 if suffix in _TABLES else 0)
     if origin:
         positions = counted_from(positions, origin)
     positions.setflags(write=False)
@@ -84,17 +103,19 @@ def _refuse_bad_rows(positions: np.ndarray, volumes: np.ndarray | None, first_ro
 
 
 def _from_csv(path: Path, dimension: int) -> tuple[np.ndarray, np.ndarray | None]:
-    axes = list("xyz"[:dimension])
+    """Columns x, y, z and volume of a table, in any order and case; others, such as those of GIS programs, are left."""
+    axes = "xyz"[:dimension]
     try:
         with open(path, encoding="utf-8-sig", newline="") as file:
-            header = [name.strip() for name in next(csv.reader([file.readline()]), [])]
-            if sorted(header) not in (sorted(axes), sorted([*axes, "volume"])):
-                expected = ",".join(axes)
-                raise PointFileError(
-                    f"its first line must be {expected} or {expected},volume, not {header!s:.60}"
-                )
+            line = file.readline()
+            mark = next((mark for mark in ",;" if mark in line), None)
+            names = [name.lower() for name in _cells(line.lstrip("/# \t"), mark)]  # as CloudCompare begins
+            columns = [names.index(name) for name in _wanted(names, axes)]
+            begin = file.tell()
+            width = len(_cells(file.readline(), mark))
+            file.seek(begin)
             with warnings.catch_warnings(action="ignore"):  # of an empty table, which is an error below
-                table = np.loadtxt(file, delimiter=",", ndmin=2, comments=None)
+                table = np.loadtxt(file, delimiter=mark, ndmin=2, comments=None, quotechar='"', usecols=columns)
     except UnicodeDecodeError:
         raise PointFileError("the file is not text") from None
     except OSError as error:
@@ -105,10 +126,79 @@ def _from_csv(path: Path, dimension: int) -> tuple[np.ndarray, np.ndarray | None
         raise PointFileError(f"below the header: {str(error).partition(';')[0]}") from None
     if table.size == 0:
         raise PointFileError("the file holds no points")
-    if table.shape[1] != len(header):
-        raise PointFileError(f"the header has {len(header)} columns, the rows have {table.shape[1]}")
-    positions = table[:, [header.index(axis) for axis in axes]]
-    return positions, table[:, header.index("volume")] if "volume" in header else None
+    if width != len(names):
+        raise PointFileError(f"the header has {len(names)} columns, the rows have {width}")
+    return table[:, :dimension], table[:, dimension] if "volume" in names else None
+
+
+def _cells(line: str, mark: str | None) -> list[str]:
+    """The entries of a line between commas or semicolons, or between blanks."""
+    entries = line.split() if mark is None else next(csv.reader([line.strip()], delimiter=mark), [])
+    return [entry.strip() for entry in entries]
+
+
+def _wanted(names: list[str], axes: str) -> list[str]:
+    """The columns of a table that are read: its header must name them, and no other axis. Raises PointFileError."""
+    wanted = [*axes, *(name for name in names if name == "volume")]
+    if sorted(wanted) != sorted(name for name in names if name in ("x", "y", "z", "volume")):
+        expected = ",".join(axes)
+        raise PointFileError(
+            f"its first line must name the columns {expected} and, if it has it, volume, not {str(names):.60}"
+        )
+    near = difflib.get_close_matches("volume", names)
+    if near and "volume" not in names:
+        raise PointFileError(f"its column '{near[0]}' is not read; name it volume, if it is that, in m^{len(axes)}")
+    return wanted
+
+
+def _from_cells(path: Path, dimension: int) -> tuple[np.ndarray, np.ndarray]:
+    """Middles and volumes of the cells of a mesh; those of fewer dimensions, such as its surface, are left."""
+    corners, blocks = _mesh(path, dimension)
+    parts = _TRIANGLES if dimension == 2 else _TETRAHEDRA
+    middles, volumes = [], []
+    for kind, cells in blocks:
+        name = kind.rstrip("0123456789")  # of cells with nodes between the corners, which come first
+        if name in _LESS[dimension]:
+            continue
+        if name not in parts:
+            raise PointFileError(f"it has cells of the kind '{kind}'; allowed: {', '.join(parts)}")
+        simplices = corners[cells[:, np.array(parts[name])]]  # cells, parts, corners, components
+        edges = simplices[:, :, 1:] - simplices[:, :, :1]
+        size = np.linalg.det(edges) / math.factorial(dimension)
+        middle = simplices.mean(axis=2)
+        bad = ~((size > 0.0).all(axis=1) | (size < 0.0).all(axis=1))
+        if bad.any():
+            row = int(np.argmax(bad))
+            at = ", ".join(f"{x:.9g}" for x in middle[row].mean(axis=0))
+            raise PointFileError(f"the {name} {row + 1} at ({at}) is flat or turned inside out")
+        share = size / size.sum(axis=1, keepdims=True)
+        middles.append((share[:, :, None] * middle).sum(axis=1))
+        volumes.append(np.abs(size).sum(axis=1))
+    if not middles:
+        raise PointFileError(f"it has no cells of {dimension} dimensions; allowed: {', '.join(parts)}")
+    return np.concatenate(middles), np.concatenate(volumes)
+
+
+def _mesh(path: Path, dimension: int) -> tuple[np.ndarray, list[tuple[str, np.ndarray]]]:
+    """Corners (n, d) m of a mesh, and its cells by their kind."""
+    try:
+        import meshio
+    except ImportError:
+        raise PointFileError("cells of a mesh need meshio (pip install 'periporo[terrain]')") from None
+    told = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(told), contextlib.redirect_stderr(told):
+            mesh = meshio.read(path)
+    except (Exception, SystemExit) as error:  # what the format's reader stumbles over; or it would end the program
+        raise PointFileError(f"it cannot be read as a mesh: {error!s:.200}") from None
+    corners = np.asarray(mesh.points, float)
+    if not np.isfinite(corners).all():
+        raise PointFileError(f"corner {int(np.argmax(~np.isfinite(corners).all(axis=1))) + 1} is not a finite place")
+    if dimension == 2 and corners.shape[1] == 3 and np.ptp(corners[:, 2]) > 0.0:
+        raise PointFileError("its corners do not lie in one x-y plane, but the scene has 2 dimensions")
+    if corners.shape[1] < dimension:
+        raise PointFileError("it lies in a plane, but the scene has 3 dimensions")
+    return corners[:, :dimension], [(block.type, np.asarray(block.data)) for block in mesh.cells]
 
 
 def _from_vtk(path: Path, dimension: int) -> tuple[np.ndarray, np.ndarray | None]:

@@ -12,7 +12,7 @@ from periporo.io.schema.bodies import Box, Cylinder, Disc, Mesh, Points, Polygon
 
 def table(shape: Points, dimension: int) -> PointTable:
     """The points of a shape from a file. Raises PointFileError."""
-    return read_points(shape.file, dimension, shape._origin)
+    return read_points(shape.file, dimension, shape._origin, cells=shape.cells)
 
 
 def surface(shape: Mesh) -> Surface:

@@ -7,6 +7,7 @@ import numpy as np
 from periporo.core.numerics import cells, tensors
 from periporo.core.numerics.gravity import vertical_axis
 from periporo.io.output.results import ResultError
+from periporo.io.pictures.relief import Relief, grounds_of
 
 DEFAULT_FIELD = "equivalent_shear_strain"
 STYLE = {"font.size": 10, "axes.titlesize": 11, "axes.labelsize": 10, "legend.frameon": False,
@@ -141,6 +142,9 @@ class PointPicture:
         prepared = [self._prepare(axes, view) for axes, view in zip(self.axes, self.views, strict=True)]
         self.points, self.squares = zip(*prepared, strict=True)
         self.obstacles = [self._prepare_obstacles(axes) for axes in self.axes]
+        self._grounds = grounds_of(results)
+        up = vertical_axis(results.configuration.get("gravity"), results.dimension)
+        self._reliefs = [Relief(axes, view, up) for axes, view in zip(self.axes, self.views, strict=True)]
         self.water = self._prepare_water()
         self.colour_bar = None
 
@@ -152,7 +156,10 @@ class PointPicture:
         values, label = colour_values(results, self.field, step)
         names = names_of(results, self.field)
         limits = (0, max(len(names) - 1, 1)) if names else self.limits or colour_limits(values)
-        faces, lines = faces_and_lines(results.obstacles(step))
+        obstacles = results.obstacles(step)
+        for relief in self._reliefs:
+            relief.show(faces_and_lines([o for o in obstacles if o[0] in self._grounds])[0])
+        faces, lines = faces_and_lines([o for o in obstacles if o[0] not in self._grounds])
         for view, (areas, edges) in zip(self.views, self.obstacles, strict=True):
             areas.set_verts([face[:, [view.across, view.up]] for face in faces])
             edges.set_segments([line[:, [view.across, view.up]] for line in lines])

@@ -119,10 +119,15 @@ class Polygon(SceneModel):
 
 
 class Points(SceneModel):
-    """Points from a file: CSV headed x,y[,z][,volume], or .vtk, .vtu, .vtp (needs the vtk package)."""
+    """Points from a file: a table with the columns x, y, z and volume (.csv, .xyz), or .vtk, .vtu, .vtp (needs vtk).
+
+    The middles and volumes of the cells of a mesh: .msh, .inp, .med, .bdf, .xdmf (needs meshio). A table begins with
+    the names of its columns, in any order and case, between commas, semicolons or blanks; other columns are left.
+    """
 
     type: Literal["points"] = key("shape")
     file: ExistingFile = key("file name, relative to the scene's folder")
+    cells: Flag = key("of .vtk or .vtu, take the cells in place of the points (needs meshio)", default=False)
     _origin: tuple[float, ...] = PrivateAttr(default=())
     """What the coordinates in the file are counted from, see `io.geometry.origin`; m."""
 

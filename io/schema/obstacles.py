@@ -3,7 +3,7 @@
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from periporo.io.schema.base import (
     MAX_LENGTH,
@@ -20,16 +20,17 @@ from periporo.io.schema.base import (
     key,
 )
 from periporo.io.schema.bodies import PlanePoint
-from periporo.io.schema.ground import Ground
+from periporo.io.schema.ground import Ground, RasterFile, Values
 
 MAX_STIFFNESS = 1e20
+MAX_FRICTION = 10.0
 CLEARED = "its place is not free at the start, but will be in the stage in which it appears"
 
 
 class ContactModel(SceneModel):
     """What every contact has."""
 
-    friction: Real = key("Coulomb's coefficient of friction", "1", ge=0, le=10)
+    friction: Real = key("Coulomb's coefficient of friction", "1", ge=0, le=MAX_FRICTION)
     stiffness: Real | None = key(
         "normal penalty; default: chosen from the material", "N/m^3", default=None, gt=0, le=MAX_STIFFNESS
     )
@@ -236,6 +237,16 @@ class PolylineContact(_Obstacle):
         return self
 
 
+def _number_or_raster(value: Any) -> str:
+    return "[raster]" if isinstance(value, str | dict | RasterFile) else "[number]"
+
+
+NumberOrRaster = Annotated[
+    Annotated[Real, Field(ge=0, le=MAX_FRICTION), Tag("[number]")] | Annotated[Values, Tag("[raster]")],
+    Discriminator(_number_or_raster),
+]
+
+
 class TerrainContact(_Obstacle):
     """Rigid ground from a raster of heights, or a surface of triangles (3D).
 
@@ -245,3 +256,6 @@ class TerrainContact(_Obstacle):
 
     type: Literal["terrain"] = key("kind of contact")
     ground: Ground = key("the file, or {file, ...}", "m")
+    friction: NumberOrRaster = key(  # type: ignore[assignment] # wider than that of others
+        "Coulomb's coefficient of friction, or a raster of it: a file, or {file, ...}", "1"
+    )

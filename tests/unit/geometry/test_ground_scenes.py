@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from periporo import Simulation
 from periporo.core.scene.geostatic import GeostaticStress
 from periporo.errors import InputError
 from periporo.io.geometry.lattice import build_lattices
@@ -139,3 +140,53 @@ def test_ground_must_reach_under_all_soil(tmp_path):
 def test_heights_are_along_z(tmp_path):
     with pytest.raises(InputError, match=r"(?s)rasters and terrains need gravity against z"):
         scene_of(tmp_path, gravity=[1.0, 0.0, -9.0])
+
+
+def sledges(folder, friction):
+    """Two stiff blocks slide along x over level ground, side by side."""
+    ground = grid(folder / "level.asc", np.zeros((21, 26)))
+    stiff = {"model": "elastic", "density": 1800, "bulk_modulus": 25e5, "shear_modulus": 15e5}
+    boxes = {"left": [4.0, 6.0, 0.0], "right": [4.0, 30.0, 0.0]}
+    return {
+        "dimension": 3, "spacing": SPACING, "gravity": [0, 0, -9.81], "materials": {"soil": stiff},
+        "bodies": [{"name": name, "material": "soil", "velocity": [3.0, 0.0, 0.0],
+                    "shape": {"type": "box", "lower": low, "upper": [low[0] + 4, low[1] + 4, 2.0]}}
+                   for name, low in boxes.items()],
+        "initial_stress": {"type": "geostatic", "K0": 0.5},
+        "contacts": [{"type": "terrain", "ground": ground, "friction": friction, "damping": 0.3}],
+        "stages": [{"name": "slide", "type": "dynamics", "duration": 0.5}],
+    }  # fmt: skip
+
+
+def test_friction_may_vary_over_the_ground(tmp_path):
+    rough = np.full((21, 26), 0.1)
+    rough[11:] = 0.4  # from y = 22 on
+    sim = Simulation.from_scene(parse_scene(sledges(tmp_path, grid(tmp_path / "friction.asc", rough)), tmp_path))
+    sim.run()
+    p = sim.particles
+    speed = [p.velocity[: p.owned][p.body[: p.owned] == k, 0].mean() for k in (0, 1)]
+    assert (3.0 - np.array(speed)) / (9.81 * sim.time) == pytest.approx([0.1, 0.4], rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        (-9999.0, "the friction has no value (NODATA) at (8, 6), row 18, column 5 of the file"),
+        (-0.5, "the friction is -0.5 at (8, 6), row 18, column 5 of the file"),
+    ],
+)
+def test_friction_is_needed_wherever_soil_may_come(tmp_path, value, reason):
+    rough = np.full((21, 26), 0.1)
+    rough[3, 4] = value
+    with pytest.raises(InputError) as caught:
+        parse_scene(sledges(tmp_path, grid(tmp_path / "friction.asc", rough)), tmp_path)
+    (problem,) = caught.value.problems
+    assert problem.path == ("contacts", 0, "friction") and reason in problem.message
+
+
+@pytest.mark.parametrize("friction", [-0.1, 11.0, "rough.txt", "missing.asc", [0.1], True, None])
+def test_friction_is_a_number_or_a_raster(tmp_path, friction):
+    with pytest.raises(InputError) as caught:
+        parse_scene(sledges(tmp_path, friction), tmp_path)
+    assert {problem.path[:3] for problem in caught.value.problems} == {("contacts", 0, "friction")}
+    print(caught.value)

@@ -8,6 +8,7 @@ import pytest
 from periporo.errors import InputError
 from periporo.io.geometry.checks import close_pair, find_overlap
 from periporo.io.geometry.lattice import build_lattices, count_points
+from periporo.io.geometry.points import PointFileError, read_points
 from periporo.io.input.load import parse_scene
 
 
@@ -161,6 +162,77 @@ def test_points_from_csv(tmp_path):
     np.testing.assert_array_equal(lattice.sites_within(np.array([0, 0.4]), np.array([1, 1]))[0], [1])
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "X,Y,Z\n1,2,3\n4,5,6\n",
+        "X Y Z\n1 2 3\n4 5 6\n",  # GDAL, -of XYZ -co ADD_HEADER_LINE=YES
+        "//X,Y,Z,R,G,B,Intensity\n1,2,3,255,0,0,.5\n4,5,6,0,0,9,.5\n",  # CloudCompare
+        "//X Y Z Nx Ny Nz\n1 2 3 0 0 1\n4 5 6 0 0 1\n",
+        'X,Y,Z,id,"name"\n1,2,3,7,"sand, wet"\n4,5,6,8,clay\n',  # ogr2ogr -lco GEOMETRY=AS_XYZ
+        "\ufeffz; Y ;x\r\n3;2;1\r\n6;5;4\r\n",
+    ],
+)
+def test_tables_of_other_programs(tmp_path, text):
+    (tmp_path / "p.xyz").write_text(text, encoding="utf-8", newline="")
+    (lattice,) = build_lattices(scene({"type": "points", "file": "p.xyz"}, folder=tmp_path, dimension=3))
+    np.testing.assert_array_equal(all_sites(lattice)[1], [[1, 2, 3], [4, 5, 6]])
+
+
+CELLS = {
+    "hexahedron": ([0, 4, 6, 2, 1, 5, 7, 3], [0.5, 0.5, 0.5], 1.0),
+    "wedge": ([8, 9, 10, 11, 12, 13], [10 / 3, 1 / 3, 0.5], 0.5),
+    "pyramid": ([14, 15, 16, 17, 18], [6.375, 0.375, 0.75], 1.0),
+    "tetra": ([14, 16, 15, 18], [6.5, 0.25, 0.75], 0.5),
+}
+
+
+def corners():
+    """Of a unit cube, a wedge, and a pyramid."""
+    rest = [(3, 0, 0), (4, 0, 0), (3, 1, 0), (3, 0, 1), (4, 0, 1), (3, 1, 1),
+            (6, 0, 0), (7, 0, 0), (7, 1, 0), (6, 1, 0), (6, 0, 3)]  # fmt: skip
+    return np.array([*np.ndindex(2, 2, 2), *rest], float)
+
+
+@pytest.mark.parametrize(("name", "without"), [("m.msh", ()), ("m.vtu", ()), ("m.inp", ("pyramid",))])
+def test_points_from_the_cells_of_a_mesh(tmp_path, name, without):
+    meshio = pytest.importorskip("meshio")
+    kinds = [kind for kind in CELLS if kind not in without]
+    cells = [(kind, np.array([CELLS[kind][0]])) for kind in kinds] + [("triangle", np.array([[0, 4, 6]]))]
+    meshio.Mesh(corners(), cells).write(tmp_path / name, file_format="gmsh22" if name == "m.msh" else None)
+    table = read_points(str(tmp_path / name), 3, cells=True)
+    assert table.positions == pytest.approx(np.array([CELLS[kind][1] for kind in kinds]), abs=1e-12)
+    assert table.volumes == pytest.approx([CELLS[kind][2] for kind in kinds])
+    with pytest.raises(PointFileError, match="corners do not lie in one x-y plane"):
+        read_points(str(tmp_path / name), 2, cells=True)
+
+
+def test_cells_in_the_plane_and_bodies_of_them(tmp_path):
+    meshio = pytest.importorskip("meshio")
+    places = np.array([[0, 0], [2, 0], [2, 1], [0, 1], [4, 0]], float)
+    cells = [("line", [[0, 1]]), ("quad", [[0, 1, 2, 3]]), ("triangle", [[1, 4, 2]])]
+    meshio.Mesh(np.column_stack([places, np.zeros(5)]), cells).write(tmp_path / "m.msh", file_format="gmsh22")
+    body = scene({"type": "points", "file": "m.msh"}, folder=tmp_path, spacing=1.4)
+    _, positions, volumes, _ = all_sites(build_lattices(body)[0])
+    assert positions == pytest.approx(np.array([[1.0, 0.5], [8 / 3, 1 / 3]]))
+    assert volumes == pytest.approx([2.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("cells", "says"),
+    [
+        ([("hexahedron", [[0, 4, 6, 2, 5, 1, 7, 3]])], r"the hexahedron 1 at \(0.5, 0.5, 0.5\) is flat or turned"),
+        ([("tetra", [[0, 1, 4, 7], [0, 1, 4, 5]])], "the tetra 2 at .* is flat"),
+        ([("triangle", [[0, 1, 4]])], "it has no cells of 3 dimensions; allowed: tetra, pyramid"),
+    ],
+)
+def test_cells_that_cannot_be_used(tmp_path, cells, says):
+    meshio = pytest.importorskip("meshio")
+    meshio.Mesh(corners(), cells).write(tmp_path / "m.vtu")
+    with pytest.raises(PointFileError, match=says):
+        read_points(str(tmp_path / "m.vtu"), 3, cells=True)
+
+
 def test_points_without_volumes_stand_for_a_cell_each(tmp_path):
     (tmp_path / "p.csv").write_text("x,y,z\n0,0,0\n1,1,1\n")
     (lattice,) = build_lattices(scene({"type": "points", "file": "p.csv"}, folder=tmp_path, dimension=3))
@@ -193,9 +265,13 @@ def test_points_from_vtk(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "says"),
     [
-        ("p.csv", "", "first line must be x,y"),
-        ("p.csv", "a,b\n1,2\n", "first line must be x,y"),
-        ("p.csv", "x,y,z\n1,2,3\n", "first line must be x,y"),
+        ("p.csv", "", "first line must name the columns x,y"),
+        ("p.csv", "a,b\n1,2\n", "first line must name the columns x,y"),
+        ("p.csv", "x,y,z\n1,2,3\n", "first line must name the columns x,y"),
+        ("p.csv", "x,y,Vol\n1,2,3\n", "column 'vol' is not read; name it volume"),
+        ("p.csv", "1,2\n1,3\n", "first line must name the columns x,y"),
+        ("p.csv", "x,y,x\n1,2,1\n", "first line must name the columns x,y"),
+        ("p.msh", "no mesh", "cannot be read as a mesh"),
         ("p.csv", "x,y\n", "no points"),
         ("p.csv", "x,y\n1,2\n1,b\n", "below the header"),
         ("p.csv", "x,y\n1,2,3\n", "2 columns, the rows have 3"),
