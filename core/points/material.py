@@ -129,3 +129,11 @@ def state_column(material: Material, name: str, components: int) -> int | None:
 def state_columns(material: Material, components: int) -> int:
     """Width k of the state array of `material` when a tensor has `components` stored components."""
     return sum(f.columns(components) for f in material.state_fields)
+
+
+def moduli_without_stress(material) -> tuple[float, float]:
+    """Bulk and shear modulus of a material that bears no stress, Pa."""
+    stress = np.zeros((1, 6))
+    state = material.initial_state(stress, np.zeros((1, 2), np.int64), np.ones(1))
+    bulk, shear = material.elastic_moduli(stress, state)
+    return float(bulk[0]), float(shear[0])

@@ -10,6 +10,7 @@ from periporo.contact.rigid import RigidContact
 from periporo.contact.search import Search
 from periporo.contact.short_range_published import ShortRangePublished
 from periporo.core.correspondence.influence import influences
+from periporo.core.points.material import moduli_without_stress
 from periporo.core.scene.obstacles import build_obstacle
 from periporo.errors import InputError, Problem, place_text
 
@@ -162,14 +163,6 @@ def _p_wave_modulus(material):
     """K + 4 mu / 3 of a material without stress, Pa."""
     bulk, shear = moduli_without_stress(material)
     return bulk + 4.0 / 3.0 * shear
-
-
-def moduli_without_stress(material) -> tuple[float, float]:
-    """Bulk and shear modulus of a material that bears no stress, Pa."""
-    stress = np.zeros((1, 6))
-    state = material.initial_state(stress, np.zeros((1, 2), np.int64), np.ones(1))
-    bulk, shear = material.elastic_moduli(stress, state)
-    return float(bulk[0]), float(shear[0])
 
 
 def bonding_groups(scene) -> np.ndarray:
