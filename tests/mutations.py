@@ -280,6 +280,7 @@ def wrong_laws(data):
         "arena": [{"FSLOPE": 0.1, "YSLOPE": 0.2}, {"CR": 1.5}, {"initial_porosity": 1.0}, {"initial_saturation": 1.1}],
         "drucker_prager": [{"friction_angle": 90.0}, {"cohesion": -1.0}, {"friction_angle": -1.0}],
         "elastic": [{"bulk_modulus": -1e9}, {"shear_modulus": -1.0}],
+        "granular_mu_i": [{"inertial_number": 0.0}, {"static_friction": 3.0}, {"density": 0.0}],
         "mohr_coulomb": [{"friction_angle": 90.0}, {"dilation_angle": 20.0}, {"sensitivity": 0.5}],
     }
     for key, entry in data["materials"].items():

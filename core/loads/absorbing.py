@@ -21,14 +21,16 @@ class Absorbing:
     """Dashpots of `area` m^(d-1) each on faces of the points `ids` (sorted), at `lever` (d,) m along an axis.
 
     `incoming` maps an axis to the velocity (m/s) of the wave that comes from beyond, a function of time and time step.
-    The force goes to the channel `external`.
+    The ground `beyond` has a density (kg/m^3), bulk and shear modulus (Pa); None: those of the points. The force goes
+    to the channel `external`.
     """
 
     def __init__(
         self, name: str, ids: np.ndarray, lever: np.ndarray, area: float,
-        incoming: dict[int, Callable[[float, float], float]],
+        incoming: dict[int, Callable[[float, float], float]], beyond: tuple[float, float, float] | None = None,
     ):  # fmt: skip
         self.name, self.ids, self.lever, self.area, self.incoming = name, ids, lever, area, incoming
+        self._beyond = None if beyond is None else impedance(*beyond)
         self.normal = int(np.flatnonzero(lever)[0])
         self.held = f"absorbing_{name}"
         self._impedance: np.ndarray | None = None
@@ -50,7 +52,7 @@ class Absorbing:
     def begin(self, sim, before: list) -> None:
         """Begin to absorb after a stage with the loads `before`; collective."""
         p = sim.particles
-        self._impedance = impedances(sim)
+        self._impedance = impedances(sim) if self._beyond is None else np.tile(self._beyond, (len(sim.materials), 1))
         rows = self._rows(p)
         rates = self.area * self._impedance[p.material[rows]].max(axis=1) / p.mass[rows]
         self.damping_rate = _FACE * maximum(sim.comm, float(rates.max(initial=0.0)))
@@ -106,7 +108,10 @@ def impedances(sim) -> np.ndarray:
         ones = np.ones(int(mine.sum()))
         count, bulk_sum, shear_sum = exact_sum(sim.comm, np.stack([ones, bulk[mine], shear[mine]], axis=1))
         if count:
-            bulk_mean, shear_mean = bulk_sum / count, shear_sum / count
-            density = block.material.density
-            found[block.index] = np.sqrt(density * (bulk_mean + 4.0 / 3.0 * shear_mean)), np.sqrt(density * shear_mean)
+            found[block.index] = impedance(block.material.density, bulk_sum / count, shear_sum / count)
     return found
+
+
+def impedance(density: float, bulk: float, shear: float) -> np.ndarray:
+    """rho V_p and rho V_s (2,) kg/m^2/s of ground of that density (kg/m^3), with these moduli (Pa)."""
+    return np.sqrt(density * np.array([bulk + 4.0 / 3.0 * shear, shear]))

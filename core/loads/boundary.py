@@ -10,6 +10,7 @@ from periporo.core.numerics.jit import kernel
 from periporo.core.points.faces import add_face_force, turn
 from periporo.core.points.forces import INTEGRATION, PRESCRIBED, WORK, ForceChannels
 from periporo.core.points.particles import Field, Particles
+from periporo.core.ranks.reductions import exact_sum
 
 
 class Motion(ABC):
@@ -228,12 +229,15 @@ class ViscousDamping:
 
     Velocities half a step before and after the force obey v+ = v- e^(-x) + a dt (1 - e^(-x))/x, x = rate dt, with the
     acceleration a of all other forces: free motion decays as exp(-rate t), and a load is followed at a/rate. `upcoming`
-    is a function that gives the next step, s: at the start of a stage its first half is ahead.
+    is a function that gives the next step, s: at the start of a stage its first half is ahead. With a `base`, v is
+    relative to the velocity (d,) m/s that it gives.
     """
 
-    def __init__(self, rate: float, upcoming: Callable[[], float] = lambda: 0.0):
-        self.rate = rate
-        self.upcoming = upcoming
+    def __init__(
+        self, rate: float, upcoming: Callable[[], float] = lambda: 0.0,
+        base: Callable[[Particles], np.ndarray] | None = None,
+    ):  # fmt: skip
+        self.rate, self.upcoming, self.base = rate, upcoming, base
 
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Set the damping force; the last of the loads, for it needs the others."""
@@ -241,7 +245,20 @@ class ViscousDamping:
         x = self.rate * step
         decay, lag = (-np.expm1(-x) / step, 1.0 + np.expm1(-x) / x) if x > 1e-6 else (self.rate, 0.5 * x)
         others = tuple(getattr(p, f"{n}_force") for n in WORK if n != "damping" and f"{n}_force" in p.fields)
-        _damp(p.owned, p.mass, p.velocity, others, decay, lag, p.damping_force, p.dim)
+        velocity = p.velocity if self.base is None else p.velocity[: p.owned] - self.base(p)
+        _damp(p.owned, p.mass, velocity, others, decay, lag, p.damping_force, p.dim)
+
+
+class MeanVelocity:
+    """Mean velocity (d,) m/s of the points `ids` (sorted) of all ranks; collective."""
+
+    def __init__(self, comm, ids: np.ndarray):
+        self.comm, self.ids = comm, ids
+
+    def __call__(self, p: Particles) -> np.ndarray:
+        velocity = p.velocity[: p.owned][np.isin(p.id[: p.owned], self.ids, assume_unique=True)]
+        *sums, count = exact_sum(self.comm, np.column_stack([velocity, np.ones(len(velocity))]))
+        return np.array(sums) / max(count, 1.0)
 
 
 @kernel

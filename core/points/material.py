@@ -10,6 +10,8 @@ from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 
+from periporo.errors import InputError, Problem
+
 
 @dataclass(frozen=True)
 class StateField:
@@ -131,3 +133,15 @@ def state_column(material: Material, name: str, components: int) -> int | None:
 def state_columns(material: Material, components: int) -> int:
     """Width k of the state array of `material` when a tensor has `components` stored components."""
     return sum(f.columns(components) for f in material.state_fields)
+
+
+def moduli_without_stress(material) -> tuple[float, float]:
+    """Bulk and shear modulus of a material that bears no stress, Pa. Raises InputError where it has no state."""
+    stress = np.zeros((1, 6))
+    try:
+        state = material.initial_state(stress, np.zeros((1, 2), np.int64), np.ones(1))
+    except ValueError as error:
+        problem = Problem(("materials",), f"no start for {type(material).__name__}: {error}")
+        raise InputError("scene", [problem]) from None
+    bulk, shear = material.elastic_moduli(stress, state)
+    return float(bulk[0]), float(shear[0])

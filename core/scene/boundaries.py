@@ -10,6 +10,7 @@ from periporo.core.loads.boundary import DisplacementHistory, PrescribedMotion, 
 from periporo.core.loads.tied import Tied
 from periporo.core.numerics.gravity import vertical_axis
 from periporo.core.numerics.histories import AccelerationHistory, without_drift
+from periporo.core.points.material import moduli_without_stress
 from periporo.core.water.boundaries import WaterBoundary
 from periporo.errors import InputError, Problem
 from periporo.io.geometry import rings
@@ -148,7 +149,11 @@ def _absorbing(scene, name, model, sites):
     axis, sign = "xyz".index(model.side[0]), 1.0 if model.side[1] == "+" else -1.0
     ids = np.sort(_outermost(scene, sites, axis, sign)[0])
     lever = 0.5 * scene.spacing * sign * np.eye(scene.dimension)[axis]
-    return Absorbing(name, ids, lever, scene.spacing ** (scene.dimension - 1), _velocities(model))
+    beyond = None
+    if model.beyond is not None:
+        material = scene.materials[model.beyond].create()
+        beyond = material.density, *moduli_without_stress(material)
+    return Absorbing(name, ids, lever, scene.spacing ** (scene.dimension - 1), _velocities(model), beyond)
 
 
 def _outermost(scene, sites, axis, sign):

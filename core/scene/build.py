@@ -27,6 +27,7 @@ from periporo.core.motion.timestep import StableTimeStep
 from periporo.core.points import fields
 from periporo.core.points.departures import Departures
 from periporo.core.points.extent import Extent
+from periporo.core.points.material import moduli_without_stress
 from periporo.core.points.particles import RING, Field, Particles
 from periporo.core.scene.boundaries import middle_of, region_corners
 from periporo.core.scene.construction import bodies_at_start, build_constructions
@@ -36,7 +37,6 @@ from periporo.core.scene.contacts import (
     build_repulsion,
     fit_jittered,
     is_present,
-    moduli_without_stress,
     refuse_overlaps,
     refuse_penetration,
 )

@@ -10,6 +10,7 @@ from periporo.contact.rigid import RigidContact
 from periporo.contact.search import Search
 from periporo.contact.short_range_published import ShortRangePublished
 from periporo.core.correspondence.influence import influences
+from periporo.core.points.material import moduli_without_stress
 from periporo.core.scene.obstacles import build_obstacle
 from periporo.errors import InputError, Problem, place_text
 
@@ -162,18 +163,6 @@ def _p_wave_modulus(material):
     """K + 4 mu / 3 of a material without stress, Pa."""
     bulk, shear = moduli_without_stress(material)
     return bulk + 4.0 / 3.0 * shear
-
-
-def moduli_without_stress(material) -> tuple[float, float]:
-    """Bulk and shear modulus of a material that bears no stress, Pa. Raises InputError where it has no state."""
-    stress = np.zeros((1, 6))
-    try:
-        state = material.initial_state(stress, np.zeros((1, 2), np.int64), np.ones(1))
-    except ValueError as error:
-        problem = Problem(("materials",), f"no start for {type(material).__name__}: {error}")
-        raise InputError("scene", [problem]) from None
-    bulk, shear = material.elastic_moduli(stress, state)
-    return float(bulk[0]), float(shear[0])
 
 
 def bonding_groups(scene) -> np.ndarray:

@@ -3,11 +3,11 @@
 import numpy as np
 
 from periporo.core.loads.absorbing import Absorbing
-from periporo.core.loads.boundary import Gravity, PrescribedMotion, ViscousDamping, without_overlaps
+from periporo.core.loads.boundary import Gravity, MeanVelocity, PrescribedMotion, ViscousDamping, without_overlaps
 from periporo.core.loads.tied import Tied
 from periporo.core.motion.quasi_static import QuasiStaticStage
 from periporo.core.motion.stages import DynamicsStage, RelaxStage
-from periporo.core.scene.boundaries import build_boundary, hold, over_time
+from periporo.core.scene.boundaries import build_boundary, hold, over_time, selected_ids
 from periporo.core.scene.contacts import is_present
 from periporo.core.watch.strength import StrengthReductionStage
 from periporo.core.water.boundaries import WaterBoundary
@@ -50,7 +50,11 @@ def build_stage(scene, sim, stage, contacts, free_water, lattices):
             stage.max_steps, increments,
         )  # fmt: skip
     if stage.damping.viscous > 0.0:
-        loads.append(ViscousDamping(stage.damping.viscous, lambda: sim.dt))
+        base = None
+        if stage.damping.relative_to is not None:
+            where = scene.boundaries[stage.damping.relative_to].where
+            base = MeanVelocity(sim.comm, selected_ids(scene, where, lattices))
+        loads.append(ViscousDamping(stage.damping.viscous, lambda: sim.dt, base))
     if stage.type == "strength_reduction":
         speed = stage.moving * float(np.linalg.norm(scene.vector(scene.gravity))) / stage.damping.viscous
         trials = {"trial": stage.trial, "speed": speed, "accuracy": stage.accuracy, "largest": stage.largest}

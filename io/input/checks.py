@@ -156,11 +156,16 @@ def _references(scene: SceneInput, bodies: list[str], stages: list[str]) -> Iter
             yield ("stages", k, "boundaries", n), name, "boundary condition", scene.boundaries
         for n, name in enumerate(stage.place):
             yield ("stages", k, "place", n), name, "body", bodies
+        base = getattr(getattr(stage, "damping", None), "relative_to", None)
+        if base is not None:
+            yield ("stages", k, "damping", "relative_to"), base, "boundary condition", scene.boundaries
         for n, change in enumerate(stage.change):
             yield ("stages", k, "change", n, "into"), change.into, "material", scene.materials
     for path, part in _parts(scene):
         if isinstance(part, Region) and part.body is not None:
             yield (*path, "body"), part.body, "body", bodies
+        if isinstance(part, Absorb) and part.beyond is not None:
+            yield (*path, "beyond"), part.beyond, "material", scene.materials
         if isinstance(part, Region) and part.material is not None:
             yield (*path, "material"), part.material, "material", scene.materials
     for k, contact in enumerate(scene.contacts):

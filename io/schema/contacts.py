@@ -100,6 +100,9 @@ class Absorb(SceneModel):
         "velocity of a wave that comes from beyond: half of what it shows at a free surface", "m/s", default=None
     )
     acceleration: AccelerationComponents | None = key("its acceleration, in place of velocity", "m/s^2", default=None)
+    beyond: Name | None = key(
+        "material of the ground beyond, such as rock, as it is without stress; default that of the points", default=None
+    )
 
     @model_validator(mode="after")
     def _comes_once(self):

@@ -50,6 +50,9 @@ class ViscousDamping(SceneModel):
     """Damping in proportion to mass and velocity."""
 
     viscous: Real = key("rate at which free motion decays", "1/s", default=0.0, ge=0, le=1e9)
+    relative_to: Name | None = key(
+        "boundary whose points' mean velocity it leaves alone: a base that is shaken; default what stands", default=None
+    )
 
 
 class DynamicsStage(_Stage):

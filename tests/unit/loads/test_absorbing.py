@@ -11,12 +11,13 @@ SPEED = {"x": np.sqrt(20e6 / 2000.0), "y": np.sqrt((40e6 + 80e6 / 3) / 2000.0)}
 OTHER = {"x": "y", "y": "x"}
 
 
-def column(along, duration, absorb=None, gravity=0.0):
+def column(along, duration, absorb=None, gravity=0.0, beyond=1.0):
     """A column three points wide in which waves run up and down with particles that move `along` an axis."""
     box = {"type": "box", "lower": [0, 0], "upper": [3 * H, TALL * H]}
     scene = {
         "dimension": 2, "spacing": H, "gravity": [0, -gravity],
-        "materials": {"soil": SOIL}, "bodies": [{"name": "soil", "material": "soil", "shape": box}],
+        "materials": {"soil": SOIL, "rock": SOIL | {"density": 2000.0 * beyond**2}},
+        "bodies": [{"name": "soil", "material": "soil", "shape": box}],
         "boundaries": {"line": {"where": {"body": "soil"}, "fix": [OTHER[along]]},
                        "base": {"where": {"upper": [None, H]}, "absorb": {"side": "y-", **(absorb or {})}}},
         "stages": [{"name": "wave", "type": "dynamics", "duration": duration, "boundaries": ["line", "base"]}],
@@ -39,6 +40,24 @@ def test_nothing_comes_back_at_normal_incidence(along):
     left = entries["kinetic_energy"] + entries["internal_energy"]
     assert left < 2e-3 * sim.ledger.initial_kinetic  # less than 5 % of a wave is reflected
     assert entries["external_work"] == pytest.approx(-sim.ledger.initial_kinetic, rel=4e-3)
+
+
+@pytest.mark.parametrize("ratio", [1.0 / 3.0, 3.0])
+def test_what_comes_back_follows_the_impedance_beyond(ratio):
+    """(1 - r)/(1 + r) of a wave, the square of that of its energy."""
+    sim = column("x", 0.75 * TALL * H / SPEED["x"], {"beyond": "rock"}, beyond=ratio)
+    p = sim.particles
+    wave = 0.01 * np.exp(-(((p.position[:, 1] - 20.0) / 4.0) ** 2))
+    sim.start()
+    p.velocity[:, 0] = wave
+    for block in sim.bonds.blocks[:1]:  # all of it runs down: stress is impedance times velocity
+        block.stress[:, 3] = 2000.0 * SPEED["x"] * wave[block.first]
+    sim.apply_loads(0.0)
+    sim.ledger.initial_kinetic = sim.ledger.kinetic()
+    sim.run()
+    start = 2.0 * sim.ledger.initial_kinetic
+    lost = -sim.ledger.entries()["external_work"] / start
+    assert 1.0 - lost == pytest.approx(((1.0 - ratio) / (1.0 + ratio)) ** 2, abs=0.01)
 
 
 @pytest.mark.parametrize("along", ["x", "y"])

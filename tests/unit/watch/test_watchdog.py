@@ -10,8 +10,7 @@ from periporo.core.loads.boundary import Gravity
 from periporo.core.motion.rebuilds import rebuild
 from periporo.core.motion.stages import DynamicsStage
 from periporo.core.points.forces import WORK
-from periporo.core.points.material import StepRefused, UpdatesFailed
-from periporo.core.scene.contacts import moduli_without_stress
+from periporo.core.points.material import StepRefused, UpdatesFailed, moduli_without_stress
 from periporo.core.watch.watchdog import (
     MOST_RETRIES,
     STRAIN_JUMP,
