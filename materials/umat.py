@@ -160,6 +160,12 @@ class Umat(MaterialParameters):
                 f"{self.library}: from no stress a strain of {_PROBE:g} gives {usual[:6]} Pa; are props and "
                 "state_variables those of the law?"
             )
+        moduli = np.concatenate(self.elastic_moduli(stress, state))
+        if not (np.isfinite(moduli) & (moduli > 0.0)).all():
+            raise ValueError(
+                f"{self.library}: DDSDDE at no stress gives bulk and shear modulus {moduli[0]:g} and {moduli[1]:g} Pa; "
+                "are props those of the law? If it fills no DDSDDE, give bulk_modulus and shear_modulus"
+            )
         for name in unknown:
             if not np.array_equal(answer({name: np.nan}), usual, equal_nan=True):
                 words = [word for word, (arguments, _) in _WORDS.items() if name in arguments]

@@ -33,6 +33,7 @@ _PNEWDT, _CELENT, _COORDS = START["PNEWDT"], START["CELENT"], START["COORDS"]
 _DFGRD0, _DFGRD1 = START["DFGRD0"], START["DFGRD1"]
 _NAME_LENGTH = 80  # of CMNAME, a hidden argument behind the others
 _SHORT = 1e-9  # s, the step in which DDSDDE is asked for: soil does not creep in it
+_GUARD = 64  # numbers behind STATEV and behind PROPS
 _MOST_PARTS = 64  # of a step that the law wants shorter
 
 
@@ -41,8 +42,10 @@ class Arguments:
 
     def __init__(self, components: int, state_variables: int, props):
         shear = components - 3
-        self.numbers = np.zeros(STATEV + max(state_variables, 1) + max(len(props), 1))
-        self.numbers[STATEV + max(state_variables, 1) :][: len(props)] = props
+        first_prop = STATEV + state_variables + _GUARD
+        self.numbers = np.zeros(first_prop + len(props) + _GUARD)
+        self.numbers[first_prop - _GUARD :] = np.nan  # a law that reads more than there is tells so
+        self.numbers[first_prop : first_prop + len(props)] = props
         self.numbers[START["DROT"] : START["DROT"] + 9] = np.eye(3).ravel()
         for name in NOT_GIVEN:
             self.set(name, np.nan)
@@ -52,7 +55,7 @@ class Arguments:
         self._name = np.frombuffer(b"PERIPORO".ljust(_NAME_LENGTH), np.uint8).copy()
         base = self.numbers.ctypes.data
         places = {name: base + 8 * start for name, start in START.items()}
-        places |= {"STATEV": base + 8 * STATEV, "PROPS": base + 8 * (STATEV + max(state_variables, 1))}
+        places |= {"STATEV": base + 8 * STATEV, "PROPS": base + 8 * first_prop}
         offsets = [*range(len(_INTEGERS) - 1), len(_INTEGERS) + 2]
         places |= {n: self._integers.ctypes.data + 4 * k for n, k in zip(_INTEGERS, offsets, strict=True)}
         places["CMNAME"] = self._name.ctypes.data

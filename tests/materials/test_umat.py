@@ -59,8 +59,8 @@ def soil(compiled, **changes):
 
 def nosy(compiled, number, longest=1.0, state_variables=3, **changes):
     library = compiled("cc", SOURCES / "nosy.c", UTILITIES)
-    props = [K, MU, number, longest]
-    return Umat(density=1700.0, library=library, props=props, state_variables=state_variables, **changes)
+    parameters = {"props": [K, MU, number, longest], "state_variables": state_variables} | changes
+    return Umat(density=1700.0, library=library, **parameters)
 
 
 def random_rows(components, n=500, seed=3):
@@ -145,6 +145,15 @@ def test_what_a_law_reads_is_given_or_refused(compiled):
             law.compute_stress(stress, np.array([[0, 0, 0, 1e-3, 0, 0]]), state, 0.5)
         assert state[0, 1] == pytest.approx({"strain": 2e-3, "length": 2.0, "time": 0.5}[word], rel=1e-12)
         assert state[0, 0] == pytest.approx(np.sqrt(3) * 2 * MU * 2e-3, rel=1e-12)  # SINV of the utilities
+
+
+@needs_c
+def test_too_few_props_or_state_variables_are_found_out(compiled):
+    """Behind both stand numbers that are none, such as a second modulus where there is one."""
+    with pytest.raises(ValidationError, match="are props and state_variables those of the law"):
+        nosy(compiled, 0, props=[K])
+    with pytest.raises(ValidationError, match="DDSDDE at no stress gives bulk and shear modulus 0 and 0 Pa"):
+        nosy(compiled, 0, props=[0.0, 0.0, 0.0, 1.0])
 
 
 @needs_c
