@@ -89,7 +89,7 @@ def kernels(sim) -> dict:
         "strain": (
             lambda: kinematics.strain_rows(
                 law.first, law.active, p.sharp, sim.dt, law.stress, law.strain_increment, law.state,
-                law.tensor_columns, law.peak, p.dim),
+                law.tensor_columns, law.spin, law.peak, p.dim),
             points, 5 + 8 * m + 8 * 4 * c),
         "material": (
             lambda: law.material.compute_stress(law.stress, law.strain_increment, law.state, sim.dt),

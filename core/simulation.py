@@ -162,7 +162,9 @@ class Simulation:
         self.halo.update(p, "position", "velocity")
         timing.lap("exchange")
         material_dt = np.inf if self.rate_independent else dt
+        b.time, b.origin = self.reached(dt), self.origin
         self.scheme.deform(p, b, self.halo, dt, material_dt)
+        b.tell(p)
         timing.lap("strain")
         for block in b.blocks:
             block.advance(material_dt)

@@ -23,7 +23,11 @@ if TYPE_CHECKING:
     )
     from periporo.core.points.material import (
         BONDING,
+        DEFORMATION_GRADIENT,
         OPENED,
+        PLACE,
+        ROTATION,
+        TIME,
         Material,
         StateField,
         StepRefused,
@@ -43,7 +47,8 @@ else:
             "COMPONENTS", "INDEX_PAIRS", "component_count", "dimension_of", "from_matrix", "to_matrix",
         ),
         "periporo.core.points.material": (
-            "BONDING", "OPENED", "Material", "StateField", "StepRefused", "UpdatesFailed", "state_columns",
+            "BONDING", "DEFORMATION_GRADIENT", "OPENED", "PLACE", "ROTATION", "TIME", "Material", "StateField",
+            "StepRefused", "UpdatesFailed", "state_columns",
         ),
         "periporo.materials.base": ("MaterialParameters",),
         "periporo.materials.friction": ("FrictionAngles",),
@@ -54,8 +59,8 @@ else:
     })  # fmt: skip
 
 __all__ = [
-    "BONDING", "COMPONENTS", "DriveStopped", "FrictionAngles", "INDEX_PAIRS", "Material", "MaterialParameters",
-    "NonConformance", "OPENED", "StateField", "StepRefused", "UpdatesFailed", "built_in_path", "check_material",
-    "component_count", "dimension_of", "drive", "from_matrix", "inlined", "kernel", "read_path", "read_test",
-    "state_columns", "to_matrix",
+    "BONDING", "COMPONENTS", "DEFORMATION_GRADIENT", "DriveStopped", "FrictionAngles", "INDEX_PAIRS", "Material",
+    "MaterialParameters", "NonConformance", "OPENED", "PLACE", "ROTATION", "StateField", "StepRefused", "TIME",
+    "UpdatesFailed", "built_in_path", "check_material", "component_count", "dimension_of", "drive", "from_matrix",
+    "inlined", "kernel", "read_path", "read_test", "state_columns", "to_matrix",
 ]  # fmt: skip

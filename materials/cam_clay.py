@@ -130,6 +130,13 @@ class CamClay(MaterialParameters):
         """The same soil with a state column `bonding` that a pore-water process writes."""
         return UnsaturatedCamClay(**self.model_dump(), initial_bonding=initial_bonding)
 
+    def weakened(self, factor: float) -> Self:
+        """The law with the critical state slope divided by `factor`; what soil remembers, p_c, stays.
+
+        At given pressure, and undrained, soil then has the strength over `factor` at its critical state.
+        """
+        return self.model_copy(update={"critical_state_slope": self.critical_state_slope / factor})
+
     def initial_state(self, stress, ids, volume):
         """State (n, k) of rows at `stress` (n, 4|6) Pa.
 

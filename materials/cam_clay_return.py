@@ -13,7 +13,7 @@ _KILOPASCAL = 1e3
 _YIELD_TOLERANCE = 1e-11  # of p_c^2: a row that was returned before is not returned again
 _NEWTON_TOLERANCE = 1e-5  # of the stress: the last, quadratic step then leaves about its square
 _SERIES = 1e-2  # largest exponent for which the series is exact to rounding
-_ELASTIC, _QUANTITIES = 9, 12
+_FLOOR, _ELASTIC, _QUANTITIES = 8, 9, 12
 _ROUNDS, _INNER_ROUNDS = 3, 2  # of Newton in vectors; in a flow nearly every row needs no more
 
 
@@ -138,18 +138,17 @@ def _secant_bulk(swelling, minimum, b, stress, strain_increment):
 
 
 @inlined
-def _return_tile(tile, dt):
+def _return_tile(tile):
     """`_return_to_yield` of all lanes at once: from p_trial, a^2, P_n, stiffening to x, w, P, and 1 where it is done.
 
-    The bulk modulus, c and 4 eta are quantities `_ELASTIC` ... of the lanes.
+    The bulk modulus, c and the overstress V are quantities `_ELASTIC` ... of the lanes.
 
     A fixed number of Newton steps without a branch. A lane that has not arrived by then, leaves the ellipse or needs
     more than the series of the exponential gives up.
     """
     for k in range(LANES):
         p_trial, a2, size_start, stiffening = la.from_lane(tile, 0, k, (0.0, 0.0, 0.0, 0.0))
-        bulk, c, viscosity = la.from_lane(tile, _ELASTIC, k, (0.0, 0.0, 0.0))
-        overstress = viscosity / (c * dt)
+        bulk, c, overstress = la.from_lane(tile, _ELASTIC, k, (0.0, 0.0, 0.0))
         x, w, size = 0.0, 1.0, size_start
         found = 1.0
         for iteration in range(_ROUNDS):
@@ -196,6 +195,18 @@ def _bonded(unbonded, minimum, index, state, b, column, numbers, r):
     return unbonded, minimum, index
 
 
+@inlined
+def _elasticity_of(numbers, r):
+    """K, mu and kappa, or 0, of row r."""
+    return numbers[r, 0], numbers[r, 1], numbers[r, 11]
+
+
+@inlined
+def _flow_of(numbers, r):
+    """6/M^2, 4 eta, the least |p_c| and 1/(lambda - kappa) of row r."""
+    return numbers[r, 2], numbers[r, 3], numbers[r, 4], numbers[r, 5]
+
+
 @kernel
 def advance(numbers, dt, stress, strain_increment, state, bonding_column, dissipation_column):
     """Advance all rows of `CamClay.compute_stress`; a column that the state lacks is -1.
@@ -204,43 +215,52 @@ def advance(numbers, dt, stress, strain_increment, state, bonding_column, dissip
     the bonding, and 0; where K follows the pressure, that is kappa and mu stands for G/K.
     """
     own = numbers.shape[0] > 1
+    differs = own or numbers[0, 11] > 0.0  # between rows, in elasticity
     tile, rows, used = np.ones(_QUANTITIES * LANES), np.zeros(LANES, np.int64), 0
+    bulk, shear, swelling = _elasticity_of(numbers, 0)
+    per_slope, viscosity, minimum, index = _flow_of(numbers, 0)
+    c = per_slope * shear
+    for k in range(LANES):
+        la.to_lane(tile, _ELASTIC, k, (bulk, c, viscosity / (c * dt)))
     for b in range(stress.shape[0]):
         r = b if own else 0
         if dissipation_column >= 0:
             state[b, dissipation_column] = 0.0
-        bulk, shear, per_slope = numbers[r, 0], numbers[r, 1], numbers[r, 2]
-        minimum, index = numbers[r, 4], numbers[r, 5]
-        if numbers[r, 11] > 0.0:
-            bulk = _secant_bulk(numbers[r, 11], minimum, b, stress, strain_increment)
-            shear *= bulk
+        if differs:
+            bulk, shear, swelling = _elasticity_of(numbers, r)
+            per_slope, viscosity, minimum, index = _flow_of(numbers, r)
+            if swelling > 0.0:
+                bulk = _secant_bulk(swelling, minimum, b, stress, strain_increment)
+                shear *= bulk
         p_trial, square = elastic_trial(bulk, shear, 1.0, b, stress, strain_increment)
         a2 = per_slope * square
         unbonded = minimum if -state[b, 0] < minimum else -state[b, 0]  # keeps NaN, unlike max
         size, floor, stiffening = _bonded(unbonded, minimum, index, state, b, bonding_column, numbers, r)
         if 0.25 * a2 + p_trial * (p_trial + size) > _YIELD_TOLERANCE * size * size:
-            c = per_slope * shear
             la.to_lane(tile, 0, used, (p_trial, a2, size, stiffening))
-            la.to_lane(tile, 8, used, (floor, bulk, c, numbers[r, 3]))
+            tile[_FLOOR * LANES + used] = floor
+            if differs:
+                c = per_slope * shear
+                la.to_lane(tile, _ELASTIC, used, (bulk, c, viscosity / (c * dt)))
             rows[used] = b
             used += 1
         if used < LANES and (b < stress.shape[0] - 1 or used == 0):
             continue
-        _return_tile(tile, dt)
+        _return_tile(tile)
         for k in range(used):
-            r = rows[k] if own else 0
-            _take_back(tile, k, rows[k], dt, numbers[r, 4], numbers[r, 5], stress, state, dissipation_column)
+            if own:
+                _, _, minimum, index = _flow_of(numbers, rows[k])
+            _take_back(tile, k, rows[k], minimum, index, stress, state, dissipation_column)
         used = 0
 
 
 @inlined
-def _take_back(tile, k, b, dt, minimum, index, stress, state, dissipation_column):
+def _take_back(tile, k, b, minimum, index, stress, state, dissipation_column):
     """Write stress and p_c of lane k to row b, after a return of its own where the tile found none."""
     p_trial, a2, size, stiffening = la.from_lane(tile, 0, k, (0.0, 0.0, 0.0, 0.0))
     x, w, new_size, found = la.from_lane(tile, 4, k, (0.0, 0.0, 0.0, 0.0))
-    floor, bulk, c, viscosity = la.from_lane(tile, 8, k, (0.0, 0.0, 0.0, 0.0))
+    floor, bulk, c, overstress = la.from_lane(tile, _FLOOR, k, (0.0, 0.0, 0.0, 0.0))
     if found == 0.0 or new_size < floor:
-        overstress = viscosity / (c * dt)
         x, w, new_size = _return_to_yield(p_trial, a2, size, floor, bulk, c, stiffening, overstress)
     p = p_trial - bulk * x
     for m in range(3):

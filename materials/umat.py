@@ -11,7 +11,16 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from periporo.core.numerics.tensors import dimension_of
-from periporo.core.points.material import OPENED, StateField, StepRefused, state_column, state_columns
+from periporo.core.points.material import (
+    DEFORMATION_GRADIENT,
+    OPENED,
+    PLACE,
+    TIME,
+    StateField,
+    StepRefused,
+    state_column,
+    state_columns,
+)
 from periporo.materials.base import MaterialParameters, units
 from periporo.materials.umat_call import (
     NOT_GIVEN,
@@ -24,9 +33,14 @@ from periporo.materials.umat_call import (
 
 _PRESSURE, _DENSITY = units("Pa", "kg/m^3")
 _STRAIN = StateField("strain", "1", kind="tensor")
-_TIME, _LENGTH = StateField("time", "s"), StateField("length", "m")
-_DISSIPATION = StateField("dissipation", "J/m^3")
-_WORDS = {"strain": ("STRAN", _STRAIN), "time": ("TIME", _TIME), "length": ("CELENT", _LENGTH)}
+_LENGTH, _DISSIPATION = StateField("length", "m"), StateField("dissipation", "J/m^3")
+_BEFORE = StateField("deformation_gradient_before", "1", kind="matrix")
+_WORDS = {
+    "strain": (("STRAN",), (_STRAIN,)), "time": (("TIME",), (TIME,)), "length": (("CELENT",), (_LENGTH,)),
+    "place": (("COORDS",), (PLACE,)),
+    "deformation_gradient": (("DFGRD0", "DFGRD1"), (DEFORMATION_GRADIENT, _BEFORE)),
+}  # fmt: skip
+_COLUMNS = (_STRAIN, TIME, _LENGTH, _DISSIPATION, PLACE, DEFORMATION_GRADIENT, _BEFORE)
 UTILITIES = Path(__file__).with_name("umat_utilities.c")
 """Source of the routines that Abaqus offers to laws, to be compiled with those that call them."""
 
@@ -34,7 +48,9 @@ _PROBE = 1e-6  # strain of the call that finds out what a law reads
 
 _Numbers = Annotated[tuple[float, ...], Field(strict=False, max_length=10_000)]
 _Place = Annotated[int, Field(ge=1, strict=True)]
-_Words = Annotated[tuple[Literal["strain", "time", "length"], ...], Field(strict=False)]
+_Words = Annotated[
+    tuple[Literal["strain", "time", "length", "place", "deformation_gradient"], ...], Field(strict=False)
+]
 
 
 class Umat(MaterialParameters):
@@ -67,7 +83,11 @@ class Umat(MaterialParameters):
     strength_props: tuple[_Place, ...] = Field(
         (), strict=False, description="numbers, from 1, of the props that a search for a factor of safety divides"
     )
-    reads: _Words = Field((), description="what the law reads besides: strain (STRAN), time (TIME), length (CELENT)")
+    reads: _Words = Field(
+        (),
+        description="what the law reads besides: strain (STRAN), time (TIME), length (CELENT), place (COORDS), "
+        "deformation_gradient (DFGRD0 and DFGRD1)",
+    )
     largest_mean_stress: float | None = Field(
         None, ge=0, description="mean stress at which the soil comes apart; none for a law that bears tension",
         json_schema_extra=_PRESSURE,
@@ -122,7 +142,7 @@ class Umat(MaterialParameters):
 
     def _find_what_it_reads(self) -> None:
         """Raise ValueError if a step depends on an argument that is not given."""
-        unknown = (*NOT_GIVEN, *(name for word, (name, _) in _WORDS.items() if word not in self.reads))
+        unknown = (*NOT_GIVEN, *self._not_read)
         stress, strain = np.zeros((1, 6)), np.full((1, 6), _PROBE)
         state = self.initial_state(stress, np.zeros((1, 2), np.int64), np.ones(1))
 
@@ -140,9 +160,15 @@ class Umat(MaterialParameters):
                 f"{self.library}: from no stress a strain of {_PROBE:g} gives {usual[:6]} Pa; are props and "
                 "state_variables those of the law?"
             )
+        moduli = np.concatenate(self.elastic_moduli(stress, state))
+        if not (np.isfinite(moduli) & (moduli > 0.0)).all():
+            raise ValueError(
+                f"{self.library}: DDSDDE at no stress gives bulk and shear modulus {moduli[0]:g} and {moduli[1]:g} Pa; "
+                "are props those of the law? If it fills no DDSDDE, give bulk_modulus and shear_modulus"
+            )
         for name in unknown:
             if not np.array_equal(answer({name: np.nan}), usual, equal_nan=True):
-                words = [w for w, (argument, _) in _WORDS.items() if argument == name]
+                words = [word for word, (arguments, _) in _WORDS.items() if name in arguments]
                 cure = f"write reads: [{words[0]}]" if words else "the program does not know it, take another law"
                 raise ValueError(f"{self.library}: {self.symbol} reads {name}; {cure}")
 
@@ -154,10 +180,14 @@ class Umat(MaterialParameters):
 
     def _arguments(self, components: int) -> Arguments:
         arguments = Arguments(components, len(self._order(components)[0]), self.props)
-        for word, (name, _) in _WORDS.items():
-            if word not in self.reads:
-                arguments.set(name, np.nan)
+        for name in self._not_read:
+            arguments.set(name, np.nan)
         return arguments
+
+    @property
+    def _not_read(self) -> list[str]:
+        """Arguments that the law could be given, but does not read."""
+        return [name for word, (names, _) in _WORDS.items() if word not in self.reads for name in names]
 
     @property
     def state_fields(self) -> tuple[StateField, ...]:
@@ -166,7 +196,7 @@ class Umat(MaterialParameters):
             StateField(f"state_{k}", "1", kind="scalar" if kind == "scalar" else "tensor")
             for k, kind in enumerate(self._kinds, 1)
         ]
-        fields += [field for word, (_, field) in _WORDS.items() if word in self.reads]
+        fields += [field for word, (_, kept) in _WORDS.items() if word in self.reads for field in kept]
         fields += [OPENED] if self.largest_mean_stress is not None else []
         return (*fields, *([_DISSIPATION] if self.report_dissipation else []))
 
@@ -180,7 +210,7 @@ class Umat(MaterialParameters):
         return order_of_variables(self._kinds, components)
 
     def _columns(self, components: int) -> tuple[int, ...]:
-        found = (state_column(self, f.name, components) for f in (_STRAIN, _TIME, _LENGTH, _DISSIPATION))
+        found = (state_column(self, field.name, components) for field in _COLUMNS)
         return tuple(-1 if column is None else column for column in found)
 
     def initial_state(self, stress, ids, volume):

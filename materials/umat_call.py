@@ -24,14 +24,16 @@ _ORDER = (
     "DTIME", "TEMP", "DTEMP", "PREDEF", "DPRED", "CMNAME", "NDI", "NSHR", "NTENS", "NSTATV", "PROPS", "NPROPS",
     "COORDS", "DROT", "PNEWDT", "CELENT", "DFGRD0", "DFGRD1", "NOEL", "NPT", "LAYER", "KSPT", "KSTEP", "KINC",
 )  # fmt: skip
-NOT_GIVEN = ("TEMP", "DTEMP", "PREDEF", "DPRED", "COORDS", "DFGRD0", "DFGRD1")
+NOT_GIVEN = ("TEMP", "DTEMP", "PREDEF", "DPRED")
 """Arguments that the program does not know: they are NaN."""
 
 _STRESS, _DDSDDE, _SPD, _SCD = START["STRESS"], START["DDSDDE"], START["SPD"], START["SCD"]
 _STRAN, _DSTRAN, _TIME, _DTIME = START["STRAN"], START["DSTRAN"], START["TIME"], START["DTIME"]
-_PNEWDT, _CELENT = START["PNEWDT"], START["CELENT"]
+_PNEWDT, _CELENT, _COORDS = START["PNEWDT"], START["CELENT"], START["COORDS"]
+_DFGRD0, _DFGRD1 = START["DFGRD0"], START["DFGRD1"]
 _NAME_LENGTH = 80  # of CMNAME, a hidden argument behind the others
 _SHORT = 1e-9  # s, the step in which DDSDDE is asked for: soil does not creep in it
+_GUARD = 64  # numbers behind STATEV and behind PROPS
 _MOST_PARTS = 64  # of a step that the law wants shorter
 
 
@@ -40,8 +42,10 @@ class Arguments:
 
     def __init__(self, components: int, state_variables: int, props):
         shear = components - 3
-        self.numbers = np.zeros(STATEV + max(state_variables, 1) + max(len(props), 1))
-        self.numbers[STATEV + max(state_variables, 1) :][: len(props)] = props
+        first_prop = STATEV + state_variables + _GUARD
+        self.numbers = np.zeros(first_prop + len(props) + _GUARD)
+        self.numbers[first_prop - _GUARD :] = np.nan  # a law that reads more than there is tells so
+        self.numbers[first_prop : first_prop + len(props)] = props
         self.numbers[START["DROT"] : START["DROT"] + 9] = np.eye(3).ravel()
         for name in NOT_GIVEN:
             self.set(name, np.nan)
@@ -51,7 +55,7 @@ class Arguments:
         self._name = np.frombuffer(b"PERIPORO".ljust(_NAME_LENGTH), np.uint8).copy()
         base = self.numbers.ctypes.data
         places = {name: base + 8 * start for name, start in START.items()}
-        places |= {"STATEV": base + 8 * STATEV, "PROPS": base + 8 * (STATEV + max(state_variables, 1))}
+        places |= {"STATEV": base + 8 * STATEV, "PROPS": base + 8 * first_prop}
         offsets = [*range(len(_INTEGERS) - 1), len(_INTEGERS) + 2]
         places |= {n: self._integers.ctypes.data + 4 * k for n, k in zip(_INTEGERS, offsets, strict=True)}
         places["CMNAME"] = self._name.ctypes.data
@@ -108,18 +112,21 @@ def order_of_variables(kinds: tuple[str, ...], components: int) -> tuple[np.ndar
 def advance(address, pointers, numbers, stress, strain_increment, state, order, columns, dt, refused):
     """Advance all rows by the law at `address`, whose variables, in their `order`, stand first in the state.
 
-    `columns` are those of total strain, time, length and dissipation, -1 where the state lacks one. A step that the law
-    wants shorter (PNEWDT < 1) is divided; `refused` (n,) tells where that does not help.
+    `columns` are those of total strain, time (told for the end of the step), length, dissipation, place, deformation
+    gradient (told) and that of before, -1 where the state lacks one. A step that the law wants shorter (PNEWDT < 1) is
+    divided; `refused` (n,) tells where that does not help.
     """
     n = stress.shape[1]
     for b in range(stress.shape[0]):
         refused[b] = False
         parts, done, lost = 1, False, 0.0
         while not done and parts <= _MOST_PARTS:
-            _load(numbers, stress, state, b, order, columns)
+            _load(numbers, stress, state, b, order, columns, dt)
             lost, done = 0.0, True
-            for _ in range(parts):
+            for part in range(parts):
                 _increase(numbers, strain_increment, b, n, dt, parts)
+                if columns[5] >= 0:
+                    _deform(numbers, state, b, columns[5], columns[6], part, parts)
                 _call(address, pointers)
                 lost += numbers[_SPD] + numbers[_SCD]
                 if numbers[_PNEWDT] < 1.0:
@@ -144,8 +151,8 @@ def _place(c):
 
 
 @inlined
-def _load(numbers, stress, state, b, order, columns):
-    strain, time, length, _ = columns
+def _load(numbers, stress, state, b, order, columns, dt):
+    strain, time, length, _, place, _, _ = columns
     for c in range(stress.shape[1]):
         numbers[_STRESS + _place(c)] = stress[b, c]
         if strain >= 0:
@@ -154,9 +161,26 @@ def _load(numbers, stress, state, b, order, columns):
     for v in range(len(places)):
         numbers[STATEV + places[v]] = factors[v] * state[b, v]
     if time >= 0:
-        numbers[_TIME] = numbers[_TIME + 1] = state[b, time]
+        numbers[_TIME] = numbers[_TIME + 1] = state[b, time] - (dt if dt < np.inf else 0.0)
     if length >= 0:
         numbers[_CELENT] = state[b, length]
+    if place >= 0:
+        for c in range(3):
+            numbers[_COORDS + c] = state[b, place + c]
+
+
+@inlined
+def _deform(numbers, state, b, gradient, before, part, parts):
+    """Deformation gradients at both ends of a part of the step, even in between; Fortran's order is by columns."""
+    begun = False
+    for c in range(9):
+        begun |= state[b, before + c] != 0.0
+    for i in range(3):
+        for j in range(3):
+            last = state[b, gradient + 3 * i + j]
+            first = state[b, before + 3 * i + j] if begun else (1.0 if i == j else 0.0)
+            numbers[_DFGRD0 + 3 * j + i] = first + part / parts * (last - first)
+            numbers[_DFGRD1 + 3 * j + i] = first + (part + 1) / parts * (last - first)
 
 
 @inlined
@@ -170,7 +194,7 @@ def _increase(numbers, strain_increment, b, n, dt, parts):
 
 @inlined
 def _store(numbers, stress, state, b, order, columns, lost):
-    strain, time, _, dissipation = columns
+    strain, _, _, dissipation, _, gradient, before = columns
     for c in range(stress.shape[1]):
         stress[b, c] = numbers[_STRESS + _place(c)]
         if strain >= 0:
@@ -178,8 +202,9 @@ def _store(numbers, stress, state, b, order, columns, lost):
     places, factors = order
     for v in range(len(places)):
         state[b, v] = numbers[STATEV + places[v]] / factors[v]
-    if time >= 0:
-        state[b, time] = numbers[_TIME]
+    if gradient >= 0:
+        for c in range(9):
+            state[b, before + c] = state[b, gradient + c]
     if dissipation >= 0:
         state[b, dissipation] = lost
 
@@ -189,7 +214,9 @@ def fill_moduli(address, pointers, numbers, stress, state, order, columns, bulk,
     """Fill bulk and shear modulus (n,) Pa from DDSDDE where nothing is strained; the stiffest of the shears counts."""
     n = stress.shape[1]
     for b in range(stress.shape[0]):
-        _load(numbers, stress, state, b, order, columns)
+        _load(numbers, stress, state, b, order, columns, 0.0)
+        if columns[5] >= 0:
+            _deform(numbers, state, b, columns[5], columns[6], 0, 1)
         for c in range(n):
             numbers[_DSTRAN + c] = 0.0
         numbers[_DTIME], numbers[_PNEWDT] = _SHORT, 1.0

@@ -8,6 +8,7 @@ import numpy as np
 
 from periporo.core.numerics.jit import kernel
 from periporo.core.numerics.tensors import INDEX_PAIRS
+from periporo.core.points.given import Given
 from periporo.core.points.material import Material, StepRefused, UpdatesFailed, state_columns
 from periporo.core.points.neighbours import Keys, Pairs, original
 from periporo.core.points.opening import Opening
@@ -69,7 +70,7 @@ class Block(Rows):
             width = field.columns(components)
             if field.kind == "tensor":
                 tensors.append(start)
-            self.axes += INDEX_PAIRS[:components] if field.kind == "tensor" else scalars(width)
+            self.axes += tuple(tuple("xyz".index(a) for a in label) for label in field.labels(components))
             logs += [field.merge == "log_mean"] * width
             start += width
         self.tensor_columns = np.array(tensors, np.int64)
@@ -79,6 +80,8 @@ class Block(Rows):
         self.pore_stiffness: Callable[[Block], np.ndarray] | None = None  # of water that cannot leave, Pa
         self.held_moduli = None  # what `elastic_moduli` answers while stress and state are only a trial
         self.strain_increment = np.empty((0, components))
+        self.given = Given.of(material, components)
+        self.spin = np.empty((0, 1))  # (rows, 1|3) of the step, if the law asks how its rows turn
         self.values: np.ndarray | None = None  # (n, k) of the parameters that vary from row to row, if any do
         self.refused: tuple[np.ndarray, str] | None = None  # rows that refuse the step, and the reason
         self.failed: list[np.ndarray] = []  # rows whose update failed in the step

@@ -52,6 +52,7 @@ class Bonds:
         self.incidence_start = np.zeros(1, np.int64)
         self.incidence = np.empty(0, np.int32)
         self.inherits = False  # whether rows without a past have the stress that their points had in another material
+        self.time, self.origin = 0.0, np.zeros(particles.dimension)  # s, m: what laws are told that ask for them
         self.initial_stress_is_total = False  # of wet soil: the laws' is that without the water's
         # stress (n, 4|6) of rows without a past, as a function of their places (n, d)
         self.initial_stress: Callable[[np.ndarray], np.ndarray] | None = None
@@ -125,6 +126,8 @@ class Bonds:
             block.rows = slice(start, start + n)
             start += n
             block.strain_increment = np.zeros((n, particles.components))
+            if block.given is not None and block.given.turns:
+                block.spin = np.zeros((n, 1 if particles.dimension == 2 else 3))
             if getattr(block.material, "varied", ()):
                 block.values = self._values(block, particles)
                 block.use(block.material)
@@ -262,8 +265,27 @@ class Bonds:
                 state[alone] = law.initial_state(stress[alone], original(ids[place[rows[alone]]]), volume)
             except ValueError as error:  # other ranks go on until all are asked: it counts as a refusal
                 block.refused = rows[alone], str(error)
+        if block.given is not None:
+            still = np.zeros((len(rows), block.spin.shape[1]))
+            block.given.tell(state, np.zeros_like(stress), still, self._places(particles, *ends), self.time)
         block.take(stress, np.zeros_like(stress), state, dt, rows)
         block.stress[rows], block.state[rows] = stress, state
+
+    def tell(self, particles: Particles) -> None:
+        """Write into the state of active rows what their law asks for, at the end of the step."""
+        for block in self.blocks:
+            given = block.given
+            if given is None:
+                continue
+            rows = np.flatnonzero(block.active)
+            state, spin = block.state[rows], block.spin[rows] if given.turns else block.spin
+            places = self._places(particles, *self._ends(block, rows))
+            given.tell(state, block.strain_increment[rows], spin, places, self.time)
+            block.state[rows] = state
+
+    def _places(self, particles, first, second):
+        """Where rows between two points each are, (n, d) m."""
+        return self.origin + 0.5 * (particles.position[first] + particles.position[second])
 
     def _ends(self, block, rows):
         """The two points that each of the rows lies between."""

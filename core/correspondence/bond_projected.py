@@ -95,8 +95,8 @@ class BondProjected:
         for block in bonds.blocks:
             _strain_rows(
                 block.pair, block.active, pairs.first, pairs.second, p.position, p.velocity, p.gradient, self.closest,
-                dt, block.stress, block.strain_increment, block.state, block.tensor_columns, block.peak, self.taken,
-                self._tilt(p), p.dim,
+                dt, block.stress, block.strain_increment, block.state, block.tensor_columns, block.spin, block.peak,
+                self.taken, self._tilt(p), p.dim,
             )  # fmt: skip
 
     def _tilt(self, p):
@@ -149,7 +149,7 @@ class BondProjected:
 @kernel
 def _strain_rows(
     pair, active, first, second, position, velocity, gradient, closest, dt, stress, strain_increment, state, tensors,
-    peak, taken, tilt, dim,
+    spins, peak, taken, tilt, dim,
 ):  # fmt: skip
     tilted = tilt.shape[0] > 0
     tile, rows, used = kinematics.new_tile(dim), np.zeros(LANES, np.int64), 0
@@ -167,7 +167,7 @@ def _strain_rows(
             la.store(strain_increment, r, 0, la.zero_symmetric(dim))
         if used == LANES or r == pair.shape[0] - 1:
             _correct_tile(tile, extra, closest, taken, tilted, dim)
-            kinematics.turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, peak, dim)
+            kinematics.turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, spins, peak, dim)
             used = 0
 
 

@@ -58,8 +58,10 @@ def load_lane(tile, rows, lane, r, gradient, stress, dim):
 
 
 @inlined
-def turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, peak, dim):
+def turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, spins, peak, dim):
     """Strain increment over `dt` of the `used` rows in a tile; their stress and tensor state turn to the end.
+
+    `spins` (rows, 1|3) of the step are kept, if there is room for them.
 
     All lanes are worked on, in vectors, so that a row's bits do not depend on its lane. `peak` is as in `Block`.
     """
@@ -82,6 +84,8 @@ def turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, pe
             square += strain[e] * strain[e]
         if square > peak[0]:
             peak[0], peak[1] = square, r
+        if spins.shape[0] > 0:
+            la.store(spins, r, 0, la.from_lane(tile, n + 2 * c, k, la.zero_spin(dim)))
         for t in range(tensors.shape[0]):
             spin = la.from_lane(tile, n + 2 * c, k, la.zero_spin(dim))
             turned = rotated(la.symmetric_at(state, r, tensors[t], dim), rotation(spin, 1.0))
@@ -89,7 +93,7 @@ def turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, pe
 
 
 @kernel
-def strain_rows(source, active, gradient, dt, stress, strain_increment, state, tensors, peak, dim):
+def strain_rows(source, active, gradient, dt, stress, strain_increment, state, tensors, spins, peak, dim):
     """Strain increment over `dt` of rows that have the velocity gradient in row source[r] of `gradient`.
 
     Stress and tensor state of active rows turn to the end of the step; inactive rows have no strain.
@@ -102,7 +106,7 @@ def strain_rows(source, active, gradient, dt, stress, strain_increment, state, t
         else:
             la.store(strain_increment, r, 0, la.zero_symmetric(dim))
         if used == LANES or r == active.shape[0] - 1:
-            turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, peak, dim)
+            turn_tile(tile, rows, used, dt, stress, strain_increment, state, tensors, spins, peak, dim)
             used = 0
 
 

@@ -52,7 +52,7 @@ class Standard:
         for block in bonds.blocks:
             kinematics.strain_rows(
                 block.first, block.active, gradient, dt, block.stress, block.strain_increment, block.state,
-                block.tensor_columns, block.peak, p.dim,
+                block.tensor_columns, block.spin, block.peak, p.dim,
             )  # fmt: skip
             if self.axisymmetric:
                 hoop.add_strain(block, p, dt)

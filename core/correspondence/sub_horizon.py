@@ -65,7 +65,7 @@ class SubHorizon:
             own = np.arange(len(block.pair), dtype=np.uint32)
             kinematics.strain_rows(
                 own, block.active, block.gradient, dt, block.stress, block.strain_increment, block.state,
-                block.tensor_columns, block.peak, p.dim,
+                block.tensor_columns, block.spin, block.peak, p.dim,
             )  # fmt: skip
 
     def _measure(self, p, pairs, block):

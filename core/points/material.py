@@ -10,14 +10,18 @@ from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 
+from periporo.core.numerics.tensors import COMPONENTS
 from periporo.errors import InputError, Problem
+
+_LABELS = {"scalar": ("",), "vector": ("x", "y", "z"), "matrix": tuple(a + b for a in "xyz" for b in "xyz")}
 
 
 @dataclass(frozen=True)
 class StateField:
     """A named column, or a tensor's columns, of a law's state.
 
-    `kind` "tensor" takes 4 or 6 columns, which the program rotates with the material like the stress.
+    `kind` "tensor" takes 4 or 6 columns, which the program rotates with the material like the stress; "vector" takes 3
+    and "matrix" 9, row by row, in any dimension, which it does not turn.
     `merge` says how a newborn bond is initialised from its two points, and how points average their bonds:
     "mean", or "log_mean" (the sign times the exponential of the mean of ln|value|; for quantities that
     span decades and keep their sign, such as a preconsolidation pressure).
@@ -25,12 +29,16 @@ class StateField:
 
     name: str
     unit: str
-    kind: Literal["scalar", "tensor"] = "scalar"
+    kind: Literal["scalar", "tensor", "vector", "matrix"] = "scalar"
     merge: Literal["mean", "log_mean"] = "mean"
+
+    def labels(self, components: int) -> tuple[str, ...]:
+        """The axes that each column counts along, "xy" or "" for none, if a tensor has `components` components."""
+        return COMPONENTS[:components] if self.kind == "tensor" else _LABELS[self.kind]
 
     def columns(self, components: int) -> int:
         """Columns that this field takes when a tensor has `components` stored components."""
-        return components if self.kind == "tensor" else 1
+        return len(self.labels(components))
 
 
 BONDING = StateField("bonding", "1")
@@ -41,6 +49,19 @@ OPENED = StateField("opened", "1")
 
 It starts at 0. The program closes it, and opens it by what the law's `tension_limit` leaves out; then the law leaves it
 alone. A law without that method adds to it what it expands beyond its apex."""
+
+TIME = StateField("time", "s")
+"""State column of a law that asks for the time at the end of the step, of the scene's clock."""
+
+PLACE = StateField("place", "m", kind="vector")
+"""State columns of a law that asks where its row is: x, y, z; z is 0 in the plane."""
+
+ROTATION = StateField("rotation", "1", kind="matrix")
+"""State columns of a law that asks by what rotation Q its stress was turned in the step."""
+
+DEFORMATION_GRADIENT = StateField("deformation_gradient", "1", kind="matrix")
+"""State columns of a law that asks for F at the end of the step, since the row came into being, or the rows before it
+whose mean it began with."""
 
 
 class StepRefused(Exception):

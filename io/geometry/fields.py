@@ -57,6 +57,17 @@ def typical_value(field: ParameterField) -> float:
             return float(field.mean) if isinstance(field.mean, float | int) else typical_value(field.mean)
 
 
+def typical_place(field: ParameterField) -> str:
+    """Where the field has its typical value, for a message; empty if that is nowhere in particular."""
+    match field:
+        case DepthField() | LevelField():
+            what = "depth" if isinstance(field, DepthField) else "level"
+            return f" at the {what} {field.at[len(field.at) // 2]:g} m"
+        case RandomField(mean=DepthField() | LevelField() as mean):
+            return typical_place(mean)
+    return ""
+
+
 def _raster(field: RasterField):
     try:
         return read_raster(field)

@@ -39,8 +39,8 @@ class Results:
     """A result file open for reading, as it was when opened.
 
     Outputs are counted from 0, or from the last with -1. Arrays are in global-id order. Vectors have 3
-    columns, symmetric tensors 6 (xx, yy, zz, xy, yz, xz), also in plane strain. All methods raise `ResultError` for
-    a name, an output or a time that the file does not have.
+    columns, symmetric tensors 6 (xx, yy, zz, xy, yz, xz), matrices 9, also in plane strain. All methods raise
+    `ResultError` for a name, an output or a time that the file does not have.
 
     - `times` (outputs,) s, `steps` (outputs,), `point_counts` (outputs,); their number is `len(results)`
     - `fields` and `history_names`: what `field` and `history` may be asked for

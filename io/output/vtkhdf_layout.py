@@ -22,7 +22,9 @@ HISTORY_ROWS = 4096
 INDEX = "index.h5"
 _METADATA_BYTES = 16_384  # most that a growing dataset adds to its description and chunk index at once
 _AXES = ("x", "y", "z")
-STORED_COMPONENTS = {1: (), 2: _AXES, 3: _AXES, 4: COMPONENTS, 6: COMPONENTS}
+STORED_COMPONENTS = {
+    1: (), 2: _AXES, 3: _AXES, 4: COMPONENTS, 6: COMPONENTS, 9: tuple(a + b for a in _AXES for b in _AXES)
+}  # fmt: skip
 COUNTS = ("NumberOfPoints", "NumberOfCells", "NumberOfConnectivityIds")
 
 # The oldest file format: newer ones mark a file as being written, and a killed process leaves that mark.

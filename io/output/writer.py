@@ -12,7 +12,7 @@ from periporo.io.output.background import Background
 from periporo.io.output.delivery import deliver, own_parts
 from periporo.io.output.parts import Part
 from periporo.io.output.vtkhdf import ResultFile
-from periporo.io.output.vtkhdf_layout import columns_of, sync
+from periporo.io.output.vtkhdf_layout import STORED_COMPONENTS, columns_of, sync
 
 _NO_ID = np.iinfo(np.int64).max
 
@@ -22,9 +22,9 @@ class ResultWriter:
 
     path: the file, see io.output.vtkhdf for what is in it. comm: mpi4py communicator. dimension: 2 or 3.
     fields: name -> (columns, unit), with 1 column, 2 or 3 (vector), 4 or 6 (symmetric tensor in the order of
-    core.tensors). attributes: name -> text or number, about the run. history_units: name -> unit.
-    overwrite: replace an existing file. obstacles: whether outputs hold obstacles, too. parts: number of files, each
-    with a range of ids, that points are written to by several ranks (io.output.parts); None: rank 0 writes one file.
+    core.tensors) or 9 (matrix, row by row). attributes: name -> text or number, about the run. history_units: name ->
+    unit. overwrite: replace an existing file. obstacles: whether outputs hold obstacles, too. parts: number of files,
+    each with a range of ids, that points are written to by several ranks (io.output.parts); None: rank 0 writes one.
     resume_step: go on with the existing file, dropping all that was recorded after this step. block_rows: most rows
     that rank 0 gathers at once.
 
@@ -35,8 +35,8 @@ class ResultWriter:
     def __init__(self, path, comm, *, dimension, fields, attributes=None, history_units=None,
                  overwrite=False, resume_step=None, obstacles=False, parts=None, block_rows=262_144):
         for name, (columns, _) in fields.items():
-            if columns not in (1, 2, 3, 4, 6) or name == "id":
-                raise ValueError(f"field {name!r} with {columns} columns: 1, 2, 3, 4 or 6 are allowed, "
+            if columns not in STORED_COMPONENTS or name == "id":
+                raise ValueError(f"field {name!r} with {columns} columns: 1, 2, 3, 4, 6 or 9 are allowed, "
                                  "and the name 'id' is taken by the global ids")
         self.path = Path(path)
         self.comm = comm

@@ -253,6 +253,13 @@ class Arena(ArenaParameters):
         fill(*constants[:2], i1 + 3.0 * pressure, pressure, evp, content, bulk, shear)
         return bulk, shear
 
+    def weakened(self, factor: float) -> Self:
+        """The law whose yield surface has sqrt(J2) over `factor` at every pressure, intact and failed; vertex and crush
+        curve stay."""
+        names = ("FSLOPE", "STREN", "YSLOPE", "failed_FSLOPE", "failed_STREN", "failed_YSLOPE")
+        divided = {name: value / factor for name in names if (value := getattr(self, name)) is not None}
+        return type(self)(**(self.model_dump(exclude_unset=True) | divided))
+
     def friction_angles(self, dimension: int, factor: float = 1.0) -> FrictionAngles:
         """The angles of the shear limit at low pressure, of a row with strength `factor`."""
         slope = factor * self.intact_strength()[1]

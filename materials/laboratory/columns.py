@@ -25,9 +25,8 @@ def observed(point: MaterialPoint) -> dict[str, float]:
     values |= dict(zip(STRESS_COLUMNS, point.stress[0], strict=True))
     column = 0
     for field in point.material.state_fields:
-        names = [f"{field.name}_{c}" for c in COMPONENTS] if field.kind == "tensor" else [field.name]
-        for name in names:
-            values[name] = point.state[0, column]
+        for label in field.labels(len(COMPONENTS)):
+            values[f"{field.name}_{label}" if label else field.name] = point.state[0, column]
             column += 1
     if hasattr(point.material, "derived_state"):
         for name, array in point.material.derived_state(point.stress, point.state).items():

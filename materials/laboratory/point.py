@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from periporo.core.numerics.tensors import from_matrix, to_matrix
+from periporo.core.points.given import Given
 from periporo.core.points.material import BONDING, Material, StepRefused, UpdatesFailed, state_column
 from periporo.core.points.opening import advance_rows
 from periporo.materials.laboratory.water import SpecimenWater
@@ -63,6 +64,8 @@ class MaterialPoint:
         self.stress[:, :3] -= self.pore_stress(np.zeros(1))[:, None]
         self.state = material.initial_state(self.stress, np.full((1, 2), number, np.int64), np.full(1, float(volume)))
         self._bonding = state_column(material, BONDING.name, 6)
+        self._given = Given.of(material, 6)
+        self._time, self._turn = 0.0, np.eye(3)  # s; rotation since the law was asked
 
     @property
     def volumetric(self) -> float:
@@ -84,18 +87,23 @@ class MaterialPoint:
         """The present values (m,) of what a `control` prescribes."""
         return np.where(control.effective, control.stress @ self.stress[0], control.stress @ self.total)
 
-    def _tell_bonding(self, state: np.ndarray) -> None:
-        """Write the bonding variable that the suction makes at the start of a step, as a run does."""
+    def _tell(self, state: np.ndarray, increments: np.ndarray, dt: float) -> None:
+        """Write what a run tells a law before a step of strain `increments` (n, 6); the place is 0."""
         if self._bonding is not None and self.water is not None:
             state[:, self._bonding] = self.water.bonding(self.volumetric)
+        if self._given is not None:
+            still = np.zeros((len(state), 3))
+            self._given.tell(state, increments, still, still, self._time + (dt if np.isfinite(dt) else 0.0))
+            if self._given.rotation is not None:
+                state[:, self._given.rotation : self._given.rotation + 9] = self._turn.ravel()
 
     def strain_by(self, increment: np.ndarray, dt: float, halvings: int = _MOST_HALVINGS) -> None:
         """Advance by a strain increment (6,) over `dt` s, without rotation; in halves where the law refuses that.
 
         Raises PointStopped, with the point as it was before the part that did not work.
         """
-        self._tell_bonding(self.state)
         stress, state = self.stress.copy(), self.state.copy()
+        self._tell(self.state, increment[None], dt)
         problem = ""
         try:
             advance_rows(self.material, self.stress, increment.reshape(1, 6).copy(), self.state, dt)
@@ -108,6 +116,7 @@ class MaterialPoint:
                 problem, halvings = f"the law gives stress {self.stress[0]} Pa, state {self.state[0]}", 0
         if not problem:
             self.strain += increment
+            self._time, self._turn = self._time + (dt if np.isfinite(dt) else 0.0), np.eye(3)
             if self.water is not None and not self.water.drained:
                 self.water.pressure = float(self.water.at(np.array([self.volumetric]))[0][0])
             return
@@ -137,6 +146,10 @@ class MaterialPoint:
 
         self.stress[:] = turned(self.stress)
         self.strain = turned(self.strain[None])[0]
+        self._turn = rotation @ self._turn
+        if self._given is not None and self._given.gradient is not None:
+            columns = slice(self._given.gradient, self._given.gradient + 9)
+            self.state[:, columns] = (rotation @ self.state[:, columns].reshape(-1, 3, 3)).reshape(-1, 9)
         column = 0
         for field in self.material.state_fields:
             columns = slice(column, column + field.columns(6))
@@ -177,7 +190,7 @@ class MaterialPoint:
         """Error (n, m) of what is prescribed after each of the increments (n, 6), the point left alone."""
         stress = np.tile(self.stress, (len(increments), 1))
         state = np.tile(self.state, (len(increments), 1))
-        self._tell_bonding(state)
+        self._tell(state, increments, dt)
         try:
             advance_rows(self.material, stress, increments.copy(), state, dt)
         except (StepRefused, UpdatesFailed):

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from periporo.core.points.given import ASKED_FOR
 from periporo.core.points.material import Material, StateField, derived_fields
 from periporo.materials.testing.breaches import (
     DeclarationError,
@@ -43,10 +44,16 @@ def check_declaration(material: Material) -> None:
             raise DeclarationError(
                 f"{law}: state field '{field.name}' needs a name of letters, digits and _ that no other has"
             )
-        if field.kind not in ("scalar", "tensor") or field.merge not in ("mean", "log_mean"):
+        told = {f.name: f for f in ASKED_FOR}
+        if field.name in told and field != told[field.name]:
+            raise DeclarationError(
+                f"{law}: state field '{field.name}' is told by the program as {told[field.name]}; use that, from "
+                "periporo.materials, or another name"
+            )
+        if field.kind not in ("scalar", "tensor", "vector", "matrix") or field.merge not in ("mean", "log_mean"):
             raise DeclarationError(
                 f"{law}: state field '{field.name}' has kind '{field.kind}' and merge '{field.merge}'; "
-                "kind is 'scalar' or 'tensor', merge 'mean' or 'log_mean'"
+                "kind is 'scalar', 'tensor', 'vector' or 'matrix', merge 'mean' or 'log_mean'"
             )
 
 

@@ -39,6 +39,10 @@ def check_frame(rows: Rows, stress, state) -> None:
             columns = slice(column, column + field.columns(rows.components))
             if field.kind == "tensor":
                 values[:, columns] = turned(values[:, columns])
+            elif field.kind == "vector":
+                values[:, columns] = values[:, columns] @ turn.T
+            elif field.kind == "matrix":
+                values[:, columns] = (turn @ values[:, columns].reshape(-1, 3, 3) @ turn.T).reshape(-1, 9)
             column = columns.stop
         return values
 
@@ -53,7 +57,9 @@ def check_frame(rows: Rows, stress, state) -> None:
             "invariants, give shear components the factor 2 in products, mind their order (xx yy zz xy yz xz), and "
             "declare tensor state as such"
         )
-    scale = np.abs(expected_state).max(axis=0, initial=0.0) + 1e-300
+    widths = [field.columns(rows.components) for field in rows.material.state_fields]
+    parts = np.split(np.abs(expected_state), np.cumsum(widths, dtype=int)[:-1], axis=1)
+    scale = np.repeat([part.max(initial=0.0) + 1e-300 for part in parts[: len(widths)]], widths)
     difference = np.abs(found_state - expected_state) / scale
     if difference.size and not difference.max() <= 1e-5:
         raise FrameError(

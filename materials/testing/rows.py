@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from periporo.core.points.given import Given
 from periporo.core.points.material import Material, StepRefused, UpdatesFailed, state_columns
 from periporo.core.points.opening import advance_rows
 from periporo.materials.testing.breaches import ModuliError, NonFiniteError, RefusalError, ShapeError
@@ -17,6 +18,7 @@ class Rows:
         self.material, self.components, self.rng = material, components, rng
         self.law = type(material).__name__
         self.failures = 0  # updates that failed
+        self._given = Given.of(material, components)
         self.ids = np.stack([np.arange(ROWS), np.arange(ROWS) + 7], axis=1).astype(np.int64)
         self.volume = rng.uniform(0.5, 2.0, ROWS) * 1e-6
         compressed = np.zeros((ROWS, components))
@@ -35,7 +37,16 @@ class Rows:
                 f"{self.law}.initial_state gave {found}; it must give a float64 array {wanted}, a column for "
                 "every scalar of `state_fields` and 4 or 6 for every tensor"
             )
+        self._tell(stress, np.zeros_like(stress), state)
         return stress, state
+
+    def _tell(self, stress, increment, state) -> None:
+        """Write what a run tells rows that have state; nothing turns, and all happens in one place at once."""
+        if self._given is not None:
+            rows = np.flatnonzero(stress.any(axis=1) | increment.any(axis=1) | state.any(axis=1))
+            told, still = state[rows], np.zeros((len(rows), 1 if self.components == 4 else 3))
+            self._given.tell(told, increment[rows], still, np.zeros((len(rows), 3)), 0.0)
+            state[rows] = told
 
     def moduli(self, stress, state):
         """Bulk and shear modulus, two (n,) arrays in Pa."""
@@ -55,6 +66,7 @@ class Rows:
         Without `openings` the law is asked alone.
         """
         new_stress, new_state = stress.copy(), state.copy()
+        self._tell(stress, increment, new_state)
         try:
             if openings:
                 advance_rows(self.material, new_stress, increment.copy(), new_state, dt)

@@ -818,3 +818,15 @@ def test_random_states_and_increments(pore_pressure, largest):
             material.compute_stress(stress, increment, state, 1.0)
         assert np.isfinite(stress).all() and np.isfinite(state).all()
         assert material.yield_excess(stress, state).max() < 1e-6
+
+
+def test_weaker_soil_has_a_lower_yield_surface_at_every_pressure():
+    law = Arena(do_damage=True, dry_density=1600.0, water_content=0.1, initial_fluid_pressure=1e4)
+    weaker, stress = law.weakened(1.5), np.zeros((1, 6))
+    state = law.initial_state(stress, np.zeros((1, 2), np.int64), np.ones(1))
+    (p, q), (same_p, less) = (m.yield_surface(stress[0], state[0]) for m in (law, weaker))
+    np.testing.assert_allclose(same_p, p, rtol=1e-12)
+    np.testing.assert_allclose(1.5 * less, q, rtol=1e-6, atol=1e-6)
+    assert q.max() > 100.0
+    assert weaker.failed_strength()[1:3] == pytest.approx([value / 1.5 for value in law.failed_strength()[1:3]])
+    assert weaker.initial_porosity == law.initial_porosity and weaker.state_fields == law.state_fields

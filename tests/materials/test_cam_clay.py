@@ -118,6 +118,16 @@ def test_undrained_critical_state(steps):
     assert equivalent_shear(stress)[0] == pytest.approx(687.62888, rel=1e-7)
 
 
+def test_weaker_clay_has_less_strength_at_the_pressure_that_it_had():
+    """Undrained, q of the critical state is divided, and p is not: that follows from p_c."""
+    material = soil(overconsolidation_ratio=1.25).weakened(1.25)
+    stress = isotropic(-1e3)
+    state = material.initial_state(stress, IDS, VOLUME)
+    follow(material, stress, state, triaxial_increment(0.0, 0.5), 40)
+    assert mean(stress)[0] == pytest.approx(-625.11716, rel=1e-7)
+    assert equivalent_shear(stress)[0] == pytest.approx(687.62888 / 1.25, rel=1e-7)
+
+
 def test_oedometer_stress_ratio():
     """V14: K0 of virgin compression, from eta^2 + 3 eta = M^2 (elastic strain is negligible at 1 kPa)."""
     material = soil()

@@ -99,7 +99,7 @@ class BadMerge(Sound):
 
 
 class BadKind(Sound):
-    state_fields = (StateField("path_length", "1", kind="vector"), Sound.state_fields[1])
+    state_fields = (StateField("path_length", "1", kind="spinor"), Sound.state_fields[1])
 
 
 class SameName(Sound):
@@ -419,7 +419,7 @@ class LosesWherePressed(Loses):
         (NoDensity, testing.DeclarationError, "positive number in kg/m"),
         (ListOfFields, testing.DeclarationError, "must be a tuple"),
         (BadMerge, testing.DeclarationError, "'mean' or 'log_mean'"),
-        (BadKind, testing.DeclarationError, "'scalar' or 'tensor'"),
+        (BadKind, testing.DeclarationError, "'scalar', 'tensor', 'vector' or 'matrix'"),
         (SameName, testing.DeclarationError, "that no other has"),
         (NoMethod, testing.DeclarationError, "no method `elastic_moduli`"),
         (LogOfZero, testing.DeclarationError, "starts at 0"),

@@ -9,9 +9,11 @@ import pytest
 from pydantic import ValidationError
 
 import periporo
+from periporo.core.points.material import state_column
 from periporo.materials import StepRefused, check_material
 from periporo.materials.drucker_prager import DruckerPrager
 from periporo.materials.elastic import Elastic
+from periporo.materials.laboratory.point import MaterialPoint
 from periporo.materials.testing import FrameError
 from periporo.materials.umat import UTILITIES, Umat
 
@@ -57,8 +59,8 @@ def soil(compiled, **changes):
 
 def nosy(compiled, number, longest=1.0, state_variables=3, **changes):
     library = compiled("cc", SOURCES / "nosy.c", UTILITIES)
-    props = [K, MU, number, longest]
-    return Umat(density=1700.0, library=library, props=props, state_variables=state_variables, **changes)
+    parameters = {"props": [K, MU, number, longest], "state_variables": state_variables} | changes
+    return Umat(density=1700.0, library=library, **parameters)
 
 
 def random_rows(components, n=500, seed=3):
@@ -137,10 +139,41 @@ def test_what_a_law_reads_is_given_or_refused(compiled):
         stress = np.zeros((1, 6))
         state = law.initial_state(stress, np.zeros((1, 2), int), np.full(1, 8.0))
         assert state[0, :3].tolist() == [1.0, 2.0, 3.0]  # of SDVINI
-        for _ in range(2):
+        for time in (0.5, 1.0):  # of the end of a step, which the program tells
+            if word == "time":
+                state[0, state_column(law, word, 6)] = time
             law.compute_stress(stress, np.array([[0, 0, 0, 1e-3, 0, 0]]), state, 0.5)
         assert state[0, 1] == pytest.approx({"strain": 2e-3, "length": 2.0, "time": 0.5}[word], rel=1e-12)
         assert state[0, 0] == pytest.approx(np.sqrt(3) * 2 * MU * 2e-3, rel=1e-12)  # SINV of the utilities
+
+
+@needs_c
+def test_too_few_props_or_state_variables_are_found_out(compiled):
+    """Behind both stand numbers that are none, such as a second modulus where there is one."""
+    with pytest.raises(ValidationError, match="are props and state_variables those of the law"):
+        nosy(compiled, 0, props=[K])
+    with pytest.raises(ValidationError, match="DDSDDE at no stress gives bulk and shear modulus 0 and 0 Pa"):
+        nosy(compiled, 0, props=[0.0, 0.0, 0.0, 1.0])
+
+
+@needs_c
+def test_place_and_deformation_gradient_are_those_of_the_step(compiled):
+    """In shear by 1e-3 a step the law hears of F12, whole, and of a half when it asked for half of the step."""
+    with pytest.raises(ValidationError, match=r"reads DFGRD0; write reads: \[deformation_gradient\]"):
+        nosy(compiled, 8)
+    point = MaterialPoint(nosy(compiled, 8, reads=["deformation_gradient"]), np.zeros(6))
+    for number in range(3):
+        shear = [np.array([[1.0, 1e-3 * k, 0], [0, 1, 0], [0, 0, 1]]) for k in (number, number + 1)]
+        point.deform(*shear, 1.0)
+        assert point.state[0, 1] == pytest.approx(1e-3 if number else 0.5e-3, rel=5e-3)  # the first turn comes later
+    with pytest.raises(ValidationError, match=r"reads COORDS; write reads: \[place\]"):
+        nosy(compiled, 7)
+    law = nosy(compiled, 7, reads=["place"])
+    stress = np.zeros((1, 6))
+    state = law.initial_state(stress, np.zeros((1, 2), int), np.ones(1))
+    state[0, state_column(law, "place", 6) + 1] = 7.0
+    law.compute_stress(stress, np.array([[0, 0, 0, 1e-3, 0, 0]]), state, 0.5)
+    assert state[0, 1] == 7.0
 
 
 @needs_c

@@ -19,7 +19,27 @@ import sys
 
 import numpy as np
 
-from periporo.materials import built_in_path, check_material, drive, registry
+from periporo.materials import built_in_path, check_material, drive, read_path, registry
+
+
+
+def turned_fibre(law):
+    # direction of the fibres after a quarter turn with shear, and that of the material line
+    times = np.linspace(0, 1, 61)
+    paths = []
+    for t in times:
+        c, s = np.cos(np.pi / 2 * t), np.sin(np.pi / 2 * t)
+        paths.append(np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ np.array([[1, 0.3 * t, 0], [0, 1, 0], [0, 0, 1]]))
+    columns = "time_s F11 F12 F13 F21 F22 F23 F31 F32 F33"
+    table = np.column_stack([times, np.reshape(paths, (61, 9))])
+    np.savetxt("turn.csv", table, header=columns.replace(" ", ","), delimiter=",", comments="")
+    result = drive(law, read_path("turn.csv"))
+    line = paths[-1] @ np.array(law.direction)
+    told = paths[-1] @ np.linalg.inv(paths[-2])  # the law hears of the last turn when it is called again
+    u, _, v = np.linalg.svd(told)
+    fibre = u @ v @ [result[f"fibre_{a}"][-1] for a in "xyz"]
+    return [fibre.tolist(), (line / np.linalg.norm(line)).tolist()]
+
 
 found = {}
 laws = {name: registry.load(name).example() for name in ("mohr_coulomb_numpy", "mohr_coulomb_numba")}
@@ -27,6 +47,10 @@ for name, law in laws.items():
     found[name] = [check_material(law, dimension).cycle_energy for dimension in (2, 3)]
     result = drive(law, built_in_path("triaxial", "confining=2e4,strain=0.02,rows=5"))
     found[name].append(-result["stress_yy"][-1])
+
+fibres = registry.load("fibres").example()
+found["fibres"] = [check_material(fibres, dimension).cycle_energy for dimension in (2, 3)]
+found["fibre"] = turned_fibre(fibres.model_copy(update={"direction": (1.0, 2.0, 0.5)}))
 
 rng = np.random.default_rng(5)
 increment = rng.normal(size=(4000, 6)) * 10 ** rng.uniform(-6, -2, (4000, 1))
@@ -67,8 +91,8 @@ def installed(tmp_path_factory):
     return os.environ | {"PYTHONPATH": str(target), "PERIPORO_CACHE": str(folder / "cache")}
 
 
-def test_both_laws_are_short():
-    for name in ("with_numpy.py", "with_numba.py"):
+def test_the_laws_are_short():
+    for name in ("with_numpy.py", "with_numba.py", "fibres.py"):
         assert len((SOURCE / "periporo_mohr_coulomb" / name).read_text().splitlines()) < 80
 
 
@@ -89,6 +113,8 @@ def test_plugin_is_found_conforms_and_fails_where_it_should(installed, tmp_path)
         energy_2d, energy_3d, axial = found[name]
         assert energy_2d > 0 and energy_3d > 0
         assert axial == pytest.approx(strength, rel=1e-9)
+    assert max(map(abs, found["fibres"])) < 3e-3  # elastic, but that fibres turn with strains of 1e-4
+    assert found["fibre"][0] == pytest.approx(found["fibre"][1], abs=2e-4)
     assert found["difference"] < 1e-10
     assert found["excess"] < 1e-10
     assert all(count > 20 for count in found["edges"])

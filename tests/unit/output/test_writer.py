@@ -191,7 +191,7 @@ def test_existing_file_is_kept_without_overwrite(tmp_path):
 
 
 def test_wrong_use_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="1, 2, 3, 4 or 6"):
+    with pytest.raises(ValueError, match="1, 2, 3, 4, 6 or 9"):
         ResultWriter(tmp_path / "a.h5", MPI.COMM_SELF, dimension=2, fields={"odd": (5, "")})
     with pytest.raises(OutputError, match="folder .* does not exist"):
         ResultWriter(tmp_path / "no" / "a.h5", MPI.COMM_SELF, dimension=2, fields={})

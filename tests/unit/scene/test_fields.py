@@ -165,6 +165,8 @@ def test_what_a_law_refuses_is_told_with_place_and_value():
     steep = {"field": "level", "at": [0.0, 0.05, 0.1], "values": [0.0, 5.0, 25.0]}
     with pytest.raises(InputError, match=r"dilation_angle = 2\d.*must not exceed"):
         Simulation.from_scene(scene(dilation_angle=steep))
+    with pytest.raises(InputError, match=r"with\s+cohesion = -5 at the level 0.1 m"):  # before there are points
+        Simulation.from_scene(scene(cohesion={"field": "level", "at": [0.0, 0.1], "values": [5.0, -5.0]}))
 
 
 @pytest.mark.parametrize(
