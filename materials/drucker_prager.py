@@ -7,6 +7,7 @@ one kind of test only: without `match` it is plane strain in two dimensions and 
 """
 
 import math
+from functools import cached_property
 from typing import ClassVar, Literal, Self
 
 import numpy as np
@@ -92,6 +93,13 @@ class DruckerPrager(MaterialParameters):
 
     def cone(self, dimension: int) -> tuple[float, float, float]:
         """eta, xi c in Pa and eta_bar of the yield function and the flow potential in a space of `dimension`."""
+        return self._cones[dimension]
+
+    @cached_property
+    def _cones(self) -> dict[int, tuple[float, float, float]]:
+        return {dimension: self._cone_in(dimension) for dimension in (2, 3)}
+
+    def _cone_in(self, dimension: int) -> tuple[float, float, float]:
         phi, psi = math.radians(self.friction_angle), math.radians(self.dilation_angle)
         match self.match or ("plane_strain" if dimension == 2 else "compression"):
             case "compression":

@@ -40,8 +40,7 @@ class Rows:
 
         Rows whose points sleep stay aside.
         """
-        self.layout.choose(self, peers, pairs, particles)
-        n = len(self.pair)
+        n = self.layout.choose(self, peers, pairs, particles)
         source = np.full(n, -1, np.int32)
         self.stress, self.state = np.zeros((n, self.stress.shape[1])), np.zeros((n, self.columns))
         if self.carried is not None:

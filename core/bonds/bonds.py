@@ -7,7 +7,7 @@ import numpy as np
 
 from periporo.core.bonds.averages import average_points, incidence_of, merged
 from periporo.core.bonds.blocks import Block, Carried, Rows
-from periporo.core.bonds.rows import PairRows
+from periporo.core.bonds.rows import LinkRows
 from periporo.core.numerics.jit import kernel
 from periporo.core.points.departures import GONE
 from periporo.core.points.material import Material
@@ -48,16 +48,16 @@ class Bonds:
         self.layout = layout
         self.pairs = Pairs()
         self.blocks = [Block(m, layout, k, particles.components) for k, m in enumerate(materials)]
-        self.links = Rows(PairRows(), len(materials), 1, 0) if layout.linked else None
-        self.incidence_start = np.zeros(1, np.int64)
-        self.incidence = np.empty(0, np.int32)
+        self.links = Rows(LinkRows(), len(materials), 1, 0) if layout.linked else None
+        self._incidence: tuple[np.ndarray, np.ndarray] | None = None
+        self.tries = False  # stress and state are a trial's: what links are strained by need not be kept
         self.inherits = False  # whether rows without a past have the stress that their points had in another material
         self.time, self.origin = 0.0, np.zeros(particles.dimension)  # s, m: what laws are told that ask for them
         self.initial_stress_is_total = False  # of wet soil: the laws' is that without the water's
         # stress (n, 4|6) of rows without a past, as a function of their places (n, d)
         self.initial_stress: Callable[[np.ndarray], np.ndarray] | None = None
         for block in self.blocks:
-            particles.add_field(Field(block.average, len(block.axes), "", migrates=False, axes=block.axes))
+            particles.add_field(Field(block.average, len(block.axes), "", migrates=False, axes=block.axes, sparse=True))
         for field in layout.fields(particles.dimension, particles.components):
             particles.add_field(field)
 
@@ -133,9 +133,15 @@ class Bonds:
                 block.use(block.material)
         if self.links is not None:
             self.links.restore([self.links], self.pairs, particles)
-        holders = [self.layout.holders(b, self.pairs) for b in self.blocks]
-        first, second = (np.concatenate([h[end][h[0]] for h in holders]) for end in (1, 2))
-        self.incidence_start, self.incidence = incidence_of(first, second, particles.total)
+        self._incidence = None
+
+    def incidence(self, particles: Particles) -> tuple[np.ndarray, np.ndarray]:
+        """Where the rows of each point begin in a list of all, and that list; made when it is asked for."""
+        if self._incidence is None:
+            holders = [self.layout.holders(b, self.pairs) for b in self.blocks]
+            first, second = (np.concatenate([h[end][h[0]] for h in holders]) for end in (1, 2))
+            self._incidence = incidence_of(first, second, particles.total)
+        return self._incidence
 
     def _values(self, block, particles) -> np.ndarray:
         """What varies of a block's rows, (n, k): the mean of their ends, as far as these are of its material."""
@@ -190,8 +196,7 @@ class Bonds:
         for block in self.blocks:
             average_points(
                 points,
-                self.incidence_start,
-                self.incidence,
+                *self.incidence(particles),
                 block.rows.start,
                 block.rows.stop,
                 *self.layout.ends(block, self.pairs),
@@ -200,7 +205,7 @@ class Bonds:
                 block.stress,
                 block.state,
                 block.log_columns,
-                getattr(particles, block.average),
+                particles.own(block.average),
             )
             if block.resting is not None:
                 rest = block.resting
@@ -214,7 +219,7 @@ class Bonds:
         for block in self.blocks:
             rows = block.rows.start, block.rows.stop, *self.layout.ends(block, self.pairs), block.active
             average_points(
-                points, self.incidence_start, self.incidence, *rows, particles.volume, block.total_stress,
+                points, *self.incidence(particles), *rows, particles.volume, block.total_stress,
                 np.empty((len(block.pair), 0)), np.empty(0, np.bool_), mean,
             )  # fmt: skip
             known += mean[points, 0]

@@ -26,17 +26,18 @@ class Layout:
 class PairRows(Layout):
     """A row for each pair, keyed (lower id, higher id); a pair of two materials has one in either block."""
 
-    def choose(self, block, blocks, pairs, particles) -> None:
-        """Find the rows of `block`."""
+    def choose(self, block, blocks, pairs, particles) -> int:
+        """Find the rows of `block`, and count them."""
         n = len(pairs.first)
         if len(blocks) == 1:
             block.pair, block.side = np.arange(n, dtype=np.uint32), np.zeros(n, np.int8)
-            return
+            return n
         is_first = particles.material[pairs.first] == block.index
         is_second = particles.material[pairs.second] == block.index
         block.pair = np.flatnonzero(is_first | is_second).astype(np.uint32)
         side = np.where(is_first & is_second, BOTH, np.where(is_first, FIRST, SECOND))
         block.side = side[block.pair].astype(np.int8)
+        return len(block.pair)
 
     def keys(self, block, pairs) -> tuple[Keys, np.ndarray]:
         """Ids (m, 2) in ascending order, and the place in them of each row (n,)."""
@@ -52,12 +53,36 @@ class PairRows(Layout):
 
     def volumes(self, block, pairs, particles, rows) -> np.ndarray:
         """Volume (n,) m^3 that each of the `rows` stands for."""
-        pair, share, volume = block.pair[rows], particles.share, particles.volume
-        i, j = pairs.first[pair], pairs.second[pair]
-        halves = np.stack([share[i, 0] * share[j, 1], share[j, 0] * share[i, 1]])
-        halves[0] *= block.side[rows] != SECOND
-        halves[1] *= block.side[rows] != FIRST
-        return pairs.weight[pair] * volume[i] * volume[j] * halves.sum(axis=0)
+        side = block.side[rows]
+        return _volumes(pairs, particles, block.pair[rows], side != SECOND, side != FIRST)
+
+
+class LinkRows(Layout):
+    """A row for each pair, in their order, so that no list is needed of what is whose."""
+
+    def choose(self, block, blocks, pairs, particles) -> int:
+        """Count the rows of `block`."""
+        return len(pairs.first)
+
+    def keys(self, block, pairs) -> tuple[Keys, np.ndarray]:
+        """Ids (n, 2) in ascending order, and the place in them of each row (n,)."""
+        return pairs.keys, _all_rows(block)
+
+    def holders(self, block, pairs) -> tuple[np.ndarray, ...]:
+        """The points whose rows these are, and a weight: a row is active while it is positive."""
+        return _all_rows(block), pairs.first, pairs.second, pairs.weight
+
+    def volumes(self, block, pairs, particles, rows) -> np.ndarray:
+        """Volume (n,) m^3 that each of the `rows` stands for."""
+        return _volumes(pairs, particles, rows, True, True)
+
+
+def _volumes(pairs, particles, pair, of_first, of_second) -> np.ndarray:
+    """Volume (n,) m^3 that the first and the second end of each `pair` (n,) give, as far as they count."""
+    share, volume = particles.share, particles.volume
+    i, j = pairs.first[pair], pairs.second[pair]
+    halves = share[i, 0] * share[j, 1] * of_first + share[j, 0] * share[i, 1] * of_second
+    return pairs.weight[pair] * volume[i] * volume[j] * halves
 
 
 class DirectedRows(Layout):
@@ -68,8 +93,8 @@ class DirectedRows(Layout):
     the point's volume that the row stands for, and each row's own `shape_inverse` and `gradient`.
     """
 
-    def choose(self, block, blocks, pairs, particles) -> None:
-        """Find the rows of `block`."""
+    def choose(self, block, blocks, pairs, particles) -> int:
+        """Find the rows of `block`, and count them."""
         p = particles
         own = p.material[: p.owned] == block.index
         block.start, block.pair, block.first, block.second = _directed_rows(pairs.first, pairs.second, own, p.owned)
@@ -77,6 +102,7 @@ class DirectedRows(Layout):
         n, d = len(block.pair), p.dimension
         block.integrity, block.fraction = np.zeros(n), np.zeros(n)
         block.shape_inverse, block.gradient = np.zeros((n, d * (d + 1) // 2)), np.zeros((n, d * d))
+        return n
 
     def keys(self, block, pairs) -> tuple[Keys, np.ndarray]:
         """Ids (n, 2) in ascending order, and the place in them of each row (n,)."""
@@ -98,12 +124,13 @@ class DirectedRows(Layout):
 class PointRows(Layout):
     """A row for each owned point that is awake, keyed (id, id)."""
 
-    def choose(self, block, blocks, pairs, particles) -> None:
-        """Find the rows of `block`."""
+    def choose(self, block, blocks, pairs, particles) -> int:
+        """Find the rows of `block`, and count them."""
         p = particles
         block.first = block.second = np.flatnonzero(p.material[: p.awake] == block.index).astype(np.uint32)
         block.pair, block.side = block.first, np.zeros(len(block.first), np.int8)
         block.integrity = np.ones(len(block.first))
+        return len(block.first)
 
     def keys(self, block, pairs) -> tuple[Keys, np.ndarray]:
         """Ids (n, 2) in ascending order, and the place in them of each row (n,)."""
@@ -122,7 +149,7 @@ class PointRows(Layout):
 
 
 def _all_rows(block):
-    return np.arange(len(block.pair), dtype=np.uint32)
+    return np.arange(len(block.stress), dtype=np.uint32)
 
 
 @kernel

@@ -134,7 +134,7 @@ class PointState(Standard):
                 self._show_stress(p, bonds)
             sent = ["seen" if self.sharpened else "gradient"]
             halo.update(p, *([] if self._ends_are_known else ["link"]), *sent)
-        pull = np.empty(len(pairs.first))
+        pull = links.stress[:, 0] if bonds.tries else np.empty(len(pairs.first))
         seen = p.seen if self.sharpened else np.empty((0, p.dimension**2))
         begin_flux(p, moment)
         strain_links(

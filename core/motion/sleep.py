@@ -9,7 +9,8 @@ and the rows of sleepers are set aside (`periporo.core.bonds.blocks.Rows.resting
 
 A sleeper wakes when a point within the same two steps is faster than twice the bound, when the loads on it have changed
 so much that they would give it that speed in the time that it takes to fall asleep, or when a motion or an obstacle is
-to move it. A signal takes longer over that distance than there is between two looks.
+to move it, and with it all within twice as many steps of what wakes it: a wave would otherwise have neighbours found
+anew at each look. A signal takes longer over two steps than there is between two looks.
 
 The kinetic energy that is taken away is booked. Who sleeps follows from fields of the points alone, at looks that come
 every `LOOK_INTERVAL` steps, so that it depends neither on ranks nor on checkpoints.
@@ -25,6 +26,7 @@ from periporo.core.ranks.reductions import exact_sum
 
 LOOK_INTERVAL = 5  # steps
 _REACH = 0.92  # horizons: the points within it are known on every rank, also when neighbours are to be found anew
+_WAKENED = 4  # of these steps around what wakes others, so that it takes the signal some looks to reach sleepers again
 _LOUD = 2.0  # bounds, above which a point wakes others
 _FEW = 0.02  # of the points that are awake: for fewer it does not pay to find neighbours anew
 _KEPT = ("share", "flux", "link", "seen", "flow")  # what a sleeper's neighbours see of it
@@ -87,7 +89,7 @@ class Sleep:
         before = p.asleep[:n] != 0
         after = self._calm(sim)
         if self.share > 0.0:
-            after = np.where(before, ~self._around(sim, self._loud(sim)), after)
+            after = np.where(before, ~self._around(sim, self._loud(sim), _WAKENED), after)
         p.quiet[before & ~after] = 0
         p.guard[:] = self._around(sim, after) & ~after
         self._lay_down(sim, np.flatnonzero(after & ~before))
@@ -146,11 +148,11 @@ class Sleep:
         pushed = (p.asleep[:n] == 2) & ~(gained <= _LOUD * self.speed * p.mass)
         return loud | pushed | _moved_by_others(sim)
 
-    def _around(self, sim, chosen) -> np.ndarray:
-        """Which owned points are the `chosen` (owned,), or within two steps of `_REACH` horizons of one; collective."""
+    def _around(self, sim, chosen, steps: int = 2) -> np.ndarray:
+        """Which owned points are the `chosen` (owned,), or within `steps` of `_REACH` horizons of one; collective."""
         p = sim.particles
         sim.halo.update(p, "position")
-        for _ in range(2):
+        for _ in range(steps):
             p.disturbed[: p.owned] = chosen
             sim.halo.update(p, "disturbed")
             chosen = near(p, p.disturbed != 0.0, _REACH * sim.scheme.horizon)

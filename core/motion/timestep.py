@@ -169,7 +169,7 @@ def highest_frequency(sim, limit: float = 0.0) -> float:
         norm = np.sqrt(inner(sim.comm, vector, partner))
         if norm == 0.0:  # all points have left
             return 0.0
-        vector, partner = vector / norm, partner / norm
+        vector, partner = _divided(vector, partner, norm)
         for _ in range(_MOST_ITERATIONS):
             image = apply_stiffness(sim, partner / root_mass, limit) / root_mass
             diagonal.append(inner(sim.comm, partner, image))
@@ -179,7 +179,7 @@ def highest_frequency(sim, limit: float = 0.0) -> float:
             previous, beta = vector, np.sqrt(inner(sim.comm, image, partner))
             if value - before <= 2.0 * _CONVERGED * value or not beta > 1e-6 * abs(diagonal[0]):
                 break
-            vector, partner = image / beta, partner / beta
+            vector, partner = _divided(image, partner, beta)
             beside.append(beta)
     return math.sqrt(max(value, 0.0))
 
@@ -190,6 +190,12 @@ def _partner(sim, vector, root_mass):
     Lanczos iteration is in the product of the two, in which the elastic operator is symmetric with added inertia, too.
     """
     return vector if sim.added_inertia is None else sim.added_inertia.answer(sim, vector / root_mass) * root_mass
+
+
+def _divided(vector, partner, norm):
+    """Both over `norm`; one array if they are one."""
+    quotient = vector / norm
+    return quotient, quotient if partner is vector else partner / norm
 
 
 @contextmanager
@@ -204,7 +210,9 @@ def held(sim) -> Iterator[None]:
     points = {name: getattr(p, name).copy() for name in (*_SCRATCHED, *still) if name in p.fields}
     for name in points.keys() & still:
         getattr(p, name)[:] = 0.0
+    sim.bonds.tries = True
     yield
+    sim.bonds.tries = False
     for rows, (stress, state, active) in zip(sim.bonds.carriers, kept, strict=True):
         rows.stress[:], rows.state[:], rows.active[:] = stress, state, active
     for block, total in zip(sim.bonds.blocks, totals, strict=True):
@@ -244,7 +252,9 @@ def apply_stiffness(sim, displacement, limit: float = 0.0):
     for contact in sim.contacts:
         contact.resist(p, sim.time, sim.time_step.interval * sim.dt, dt, held, moment)
     sim.scheme.internal_force(p, sim.bonds, sim.halo, force, moment if sim.forces.on_faces else None)
-    return -(force + held)[: p.awake] / dt
+    force += held
+    force /= -dt
+    return force[: p.awake]
 
 
 @kernel

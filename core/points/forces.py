@@ -65,6 +65,10 @@ class ForceChannels:
             self._moments = tuple(getattr(p, f"{name}_moment") for name in self.on_faces)
             self._ids = p.id
 
+    def forget(self) -> None:
+        """Hold no arrays, which are about to be replaced."""
+        self._ids, self._arrays, self._moments = None, (), ()
+
     def moment(self) -> np.ndarray | None:
         """Sum of all moments of loads on faces, (owned, d^2) N m, or None if no channel has such loads."""
         return functools.reduce(np.add, self.moments()) if self.on_faces else None

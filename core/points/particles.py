@@ -161,7 +161,7 @@ class Particles:
         self.total = self.owned + ghosts
         for field in self.fields.values():
             given = owned.pop(field.name) if field.migrates else None
-            empty = given is not None and field.sparse and not (given.flags.writeable and given.any())
+            empty = field.sparse and not (given is not None and given.flags.writeable and given.any())
             array = self._zeros(field, sparse=empty)
             if given is not None and not empty:
                 array[: self.owned] = given

@@ -162,7 +162,7 @@ class _Exchange:
 
     def run(self) -> None:
         for array, rows, buffer in self.outgoing:
-            np.take(array, rows, axis=0, out=buffer)
+            np.take(array, rows, axis=0, out=buffer, mode="clip")  # others are buffered once more
         MPI.Prequest.Startall(self.requests)
         MPI.Request.Waitall(self.requests)
         for target, buffer in self.incoming:

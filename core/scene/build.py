@@ -27,7 +27,7 @@ from periporo.core.motion.timestep import StableTimeStep
 from periporo.core.points import fields
 from periporo.core.points.departures import Departures
 from periporo.core.points.extent import Extent
-from periporo.core.points.material import moduli_without_stress
+from periporo.core.points.material import OPENED, moduli_without_stress
 from periporo.core.points.particles import RING, Field, Particles
 from periporo.core.scene.boundaries import middle_of, region_corners
 from periporo.core.scene.construction import bodies_at_start, build_constructions
@@ -114,6 +114,8 @@ def _empty(scene, comm, materials) -> Simulation:
     options = chosen.options()
     if "sharpened" in options:
         options["sharpened"] *= scene.spacing  # of the grid
+    if "regular" in options:  # only what may come apart flows
+        options["regular"] &= any(OPENED in material.state_fields for material in materials)
     scheme: Any = SCHEMES[chosen.scheme](scene.horizon * scene.spacing, scene.influence, **options)
     time_step = StableTimeStep(scene.time_step.safety, scene.time_step.fixed, scene.time_step.update)
     particles, skin = Particles(scene.dimension), SKIN * scene.spacing

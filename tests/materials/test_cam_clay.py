@@ -436,3 +436,11 @@ def test_swelling_soil_conforms(dimension, viscosity):
 def test_elasticity_is_of_one_kind(change, message):
     with pytest.raises(ValidationError, match=message):
         soil(**change)
+
+
+def test_a_copy_has_numbers_of_its_own():
+    law = CamClay.example()
+    stress, state = -1e4 * np.ones((2, 4)), np.zeros((2, len(law.state_fields)))
+    before, _ = law.elastic_moduli(stress, state)
+    after, _ = law.model_copy(update={"bulk_modulus": 2.0 * law.bulk_modulus}).elastic_moduli(stress, state)
+    assert after.tolist() == (2.0 * before).tolist() == [2.0 * law.bulk_modulus] * 2

@@ -206,9 +206,9 @@ def test_incidence_lists_the_rows_of_each_point_in_order(cloud, grid):
     position = grid(5, 5, spacing=SPACING)
     sim = cloud(position, laws=[Elastic.example(), Recorder()], law_of=np.arange(25) % 2, fixed=1e-6)
     pair = np.concatenate([b.pair for b in sim.bonds.blocks])
-    ids = sim.bonds.pairs.ids[pair]
+    ids, (start, incidence) = sim.bonds.pairs.ids[pair], sim.bonds.incidence(sim.particles)
     for point in range(25):
-        rows = sim.bonds.incidence[sim.bonds.incidence_start[point] : sim.bonds.incidence_start[point + 1]]
+        rows = incidence[start[point] : start[point + 1]]
         assert rows.tolist() == np.flatnonzero((ids == point).any(axis=1)).tolist()
 
 

@@ -87,7 +87,7 @@ def cubic(s):
 
 def link_volumes(sim):
     links = sim.bonds.links
-    return links.layout.volumes(links, sim.bonds.pairs, sim.particles, np.arange(len(links.pair)))
+    return links.layout.volumes(links, sim.bonds.pairs, sim.particles, np.arange(len(links.stress)))
 
 
 def test_laws_see_the_gradient(make):
