@@ -81,7 +81,7 @@ def test_results_at_start_interval_and_end(flight):
 def test_outputs_of_fixed_steps_come_at_multiples_of_the_interval(dt):
     """Sums of many steps fall short of n intervals, or exceed them, by a few units in the last place."""
     book, clock = Notebook(), SimpleNamespace(time=0.0, step_number=0, bonds=None, forces=SimpleNamespace(names=[]))
-    clock.particles, clock.point_processes = Particles(2), []
+    clock.particles, clock.point_processes, clock.reactions = Particles(2), [], []
     observer = observers.ResultObserver(book, [], 3 * dt)
     observer.start_stage(clock, DynamicsStage("long", duration=300 * dt))
     for number in range(1, 301):
