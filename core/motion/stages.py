@@ -83,7 +83,7 @@ class Stage(ABC):
         try:
             if self._is_over(sim):
                 sim.confirm()
-                return True
+                return all(guard.conclude(sim) for guard in sim.guards)
             sim.step()
             for guard in sim.guards:
                 guard.check(sim)
