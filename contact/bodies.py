@@ -89,6 +89,7 @@ class BodiesContact:
         if "face" not in p.fields:
             self.faces.attach(p)
             p.add_field(Field("face_spring", d, "m", sent=False))
+            p.add_field(Field("face_entered", None, "1", sent=False))  # rebuild in which it was inside another body
             p.add_field(Field("face_mass", None, "kg", migrates=False))  # which ghosts lack otherwise
             p.add_field(Field("face_drag", d, "1", migrates=False))  # spring force over normal force
             p.add_field(Field("face_stress", p.components, "Pa", migrates=False))  # of the points
@@ -205,30 +206,44 @@ class BodiesContact:
         self.pressures, self._arm, self._soon = np.zeros(n), np.zeros((n, 2 * d)), np.zeros(n, np.bool_)
         p.face_mass[: p.owned] = p.mass
         self._sim.halo.update(p, "face_mass")
-        self.look_behind(p)
+        self._note_entries(p)
+
+    def _note_entries(self, p):
+        """Remember which points are inside other bodies; those that were so at the rebuild before have passed."""
+        rows, others = self._inside(p)
+        stays = p.face_entered[rows] == self._sim.rebuild_count - 1.0
+        self._note_breach(p, rows[stays], others[stays])
+        p.face_entered[:] = 0.0
+        p.face_entered[rows] = self._sim.rebuild_count
 
     def look_behind(self, p: Particles) -> None:
-        """Remember a point that has passed the faces of another body: points of that lie close by, and all around it.
+        """Note a point that has passed the faces of another body."""
+        self._look(p)
+        self._note_breach(p, *self._inside(p))
+
+    def _note_breach(self, p, rows, others):
+        self.breach = None
+        if len(rows):
+            self.breach = np.inf, p.position[rows[0]].copy(), f"body '{self._names[others[0]]}'"
+
+    def _inside(self, p):
+        """Owned rows of points that points of another body are close to and surround, and numbers of these bodies.
 
         What a corner, a slot or two bodies hold between them has none so close.
         """
-        self.breach = None
         i, j = self.pairs.astype(np.int64)
-        way = p.position[j] - p.position[i]
-        distance = np.sqrt(square_lengths(way)) / self._sim.spacing
+        way = (p.position[j] - p.position[i]) / self._sim.spacing
+        distance = np.sqrt(square_lengths(way))
         near = (distance < _AROUND) & (distance > 0.0)
-        i, j, way, distance = i[near], j[near], way[near] / self._sim.spacing, distance[near]
+        i, j, way, distance = i[near], j[near], way[near], distance[near]
         rows, others = np.concatenate([i, j]), p.body[np.concatenate([j, i])]
-        mine = rows < p.owned
-        places, at = np.unique(np.stack([rows, others])[:, mine], axis=1, return_inverse=True)
+        distance, direction = np.tile(distance, 2), np.concatenate([way, -way]) / np.tile(distance, 2)[:, None]
+        places, at = np.unique(np.stack([rows, others]), axis=1, return_inverse=True)
         count, nearest = np.bincount(at, minlength=places.shape[1]), np.full(places.shape[1], np.inf)
-        np.minimum.at(nearest, at, np.concatenate([distance, distance])[mine])
-        direction = np.concatenate([way, -way]) / np.concatenate([distance, distance])[:, None]
-        mean = np.stack([np.bincount(at, c, places.shape[1]) for c in direction[mine].T], axis=1) / count[:, None]
-        inside = (count >= 3 * p.dimension) & (nearest < _AMONG) & (square_lengths(mean) < _ONE_SIDED**2)
-        if inside.any():
-            row, other = places[:, np.flatnonzero(inside)[0]]
-            self.breach = np.inf, p.position[row].copy(), f"body '{self._names[other]}'"
+        np.minimum.at(nearest, at, distance)
+        mean = np.stack([np.bincount(at, c, places.shape[1]) for c in direction.T], axis=1) / count[:, None]
+        surrounded = (count >= 3 * p.dimension) & (square_lengths(mean) < _ONE_SIDED**2)
+        return places[:, surrounded & (nearest < _AMONG) & (places[0] < p.owned)]
 
     def _meeting(self, p, reach):
         """Rows within `reach` of the box around a body that their own body touches."""

@@ -146,13 +146,11 @@ class Watchdog:
                 return self._describe(sim, "strain", excess)
         if sim.rate_independent:
             return None
-        started = sim.step_number < self._stage.first_step + _WARM_UP
         rough = sim.ledger.rough_entries()
-        error = 0.0 if started else self._energy_error(rough)
-        if max(error, self._gain(sim, rough)[0]) <= 0.5 * self.energy_tolerance:
+        if max(self._energy_error(sim, rough), self._gain(sim, rough)[0]) <= 0.5 * self.energy_tolerance:
             return None
         entries = sim.ledger.entries()  # the same for any number of ranks
-        error = 0.0 if started else self._energy_error(entries)
+        error = self._energy_error(sim, entries)
         if not error <= self.energy_tolerance:
             return self._blame(sim, "energy", np.abs(sim.particles.work[:, INTEGRATION]), error)
         gain, channel = self._gain(sim, entries)
@@ -164,9 +162,14 @@ class Watchdog:
     def _blame(self, sim, kind, share, size):
         return self._describe(sim, kind, share / maximum(sim.comm, float(share.max(initial=0.0))), size)
 
-    def _energy_error(self, entries):
+    def _warms_up(self, sim):
+        return sim.step_number < self._stage.first_step + _WARM_UP
+
+    def _energy_error(self, sim, entries):
         """Energy that nothing explains over the energy that was turned over, since the stage began; NaN stays."""
-        error = abs(entries["energy_residual"] - self._stage.initial_residual)
+        if self._warms_up(sim):
+            return 0.0
+        error = abs(entries["energy_residual"] - self._stage.initial_energies["energy_residual"])
         if error == 0.0:
             return 0.0
         turned_over = _turned_over(entries)
@@ -175,10 +178,13 @@ class Watchdog:
     def _gain(self, sim, entries):
         """Energy that a channel gave and had not taken, over the energy at hand; and the channel.
 
-        Of the integrator's term what velocity Verlet only borrows while forces act is no gain.
+        What it gave while equilibrium was looked for, by moves that are no motion, does not count, and then it may hold
+        what was not booked; nor, of the integrator's term, what velocity Verlet only lends while forces act.
         """
-        given = {channel: -entries[name] for name, channel in _GIVERS.items()}
-        given["integration"] = entries["energy_residual"] - self._stage.initial_residual
+        before = self._stage.initial_energies
+        judged = (name for name in _GIVERS if before[name] >= 0.0 or not self._warms_up(sim))
+        given = {_GIVERS[name]: min(before[name], 0.0) - entries[name] for name in judged}
+        given["integration"] = entries["energy_residual"] - before["energy_residual"]
         if given["integration"] > 0.5 * self.energy_tolerance * _at_hand(sim, entries):
             given["integration"] -= borrowed(sim)
         channel = max(given, key=given.__getitem__)
