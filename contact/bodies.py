@@ -31,6 +31,8 @@ the partners' springs, and is cut to friction times half of the pressure; so is 
 of the faces: what turns together does not slip.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from periporo.contact.faces import Faces
@@ -44,6 +46,7 @@ from periporo.contact.pairs import (
     resist_pairs,
     stretch_springs,
 )
+from periporo.core.numerics.tensors import square_lengths
 from periporo.core.points.forces import ForceChannels
 from periporo.core.points.neighbours import find_pairs
 from periporo.core.points.particles import Field, Particles
@@ -53,19 +56,22 @@ from periporo.errors import ContactError
 _OPPOSITE = 0.6  # t up to which the overlap of a pair is one of the bodies, not of a point with a corner
 _TOUCH = 1e-9  # spacings of an overlap that presses
 _MOST = 0.5  # spacings by which bodies may overlap when their contact appears in the course of a run
+_AROUND, _AMONG = 1.75, 0.75  # spacings within which points of a body lie around one that is inside it, and the nearest
+_ONE_SIDED = 0.25  # length of the mean direction to them, from which on they do not surround it
 
 
 class BodiesContact:
     """Contact between bodies: `stiffness` N/m of two points that face each other, `friction` coefficient and `damping`,
     share of critical damping along the normal, are arrays by the two bodies' numbers; 0 N/m where two do not touch.
 
-    `faces` of the bodies' points, which contacts share. Needs the channels `internal`, `contact` and `friction`. Its
-    `pairs` (2, n) are the points that may touch, `pressures` (n,) N what they press on each other.
+    `names` of the bodies; `faces` of their points, which contacts share. Needs the channels `internal`, `contact` and
+    `friction`. Its `pairs` (2, n) are the points that may touch, `pressures` (n,) N what they press on each other.
     """
 
-    def __init__(self, faces: Faces, stiffness, friction, damping):
+    def __init__(self, faces: Faces, names: Sequence[str], stiffness, friction, damping):
         self.stiffness, self.friction, self.damping = stiffness, friction, damping
         self.faces = faces
+        self._names = names
         self._sim = faces.sim
         self._ids = None  # of the rebuild that the pairs belong to
         self._renewed_in = -1  # rebuild
@@ -73,6 +79,9 @@ class BodiesContact:
         self.pairs = np.empty((2, 0), np.uint32)
         self._rows = np.empty(0, np.int64)  # owned ends
         self.pressures, self._arm = np.empty(0), np.empty((0, 0))
+        self._soon = np.empty(0, np.bool_)  # pairs that touch, or may soon
+        self.closing = 0.0  # m/s, as of a `RigidContact`
+        self.breach: tuple[float, np.ndarray, str] | None = None  # a point inside another body: inf, where, which body
 
     def attach(self, p: Particles, forces: ForceChannels) -> None:
         """Declare what the points keep, and the force channels."""
@@ -80,6 +89,7 @@ class BodiesContact:
         if "face" not in p.fields:
             self.faces.attach(p)
             p.add_field(Field("face_spring", d, "m", sent=False))
+            p.add_field(Field("face_entered", None, "1", sent=False))  # rebuild in which it was inside another body
             p.add_field(Field("face_mass", None, "kg", migrates=False))  # which ghosts lack otherwise
             p.add_field(Field("face_drag", d, "1", migrates=False))  # spring force over normal force
             p.add_field(Field("face_stress", p.components, "Pa", migrates=False))  # of the points
@@ -150,21 +160,19 @@ class BodiesContact:
             )  # fmt: skip
 
     def add_stiffness(self, p: Particles, time: float, ahead: float, stiffness: np.ndarray) -> None:
-        """Add the contact's stiffness (N/m) to `stiffness` (owned,) of the points that may touch."""
+        """Add the contact's stiffness (N/m) to `stiffness` (owned,) of the points that touch, or may `ahead` (s)."""
         self._look(p)
-        add_pair_stiffness(
+        self.closing = add_pair_stiffness(
             self.pairs[0], self.pairs[1], p.owned, p.body, p.position, p.velocity, ahead, p.face, self.faces.bulge,
-            self._sim.spacing, self.stiffness, stiffness, p.dim,
+            self._sim.spacing, self.stiffness, self._soon, stiffness, p.dim,
         )  # fmt: skip
 
     def will_push(self, p: Particles, time: float, until: float) -> bool:
         """Nothing that moves by itself."""
         return False
 
-    def resist(
-        self, p: Particles, time: float, ahead: float, dt: float, force: np.ndarray, moment: np.ndarray
-    ) -> None:
-        """Add what pairs that may touch soon hold against a motion with `velocity` for `dt`: forces on their faces."""
+    def resist(self, p: Particles, dt: float, force: np.ndarray, moment: np.ndarray) -> None:
+        """Add what those pairs hold against a motion with `velocity` for `dt`: forces on their faces."""
         self._look(p)
         if not self._present:
             return
@@ -172,9 +180,9 @@ class BodiesContact:
         self._find_stress(p)
         self._sim.halo.update(p, "face_gradient", "face_stress", "share")
         resist_pairs(
-            self.pairs[0], self.pairs[1], p.owned, p.body, p.position, p.velocity, p.face, self.faces.bulge,
-            p.face_gradient, p.face_stress, self.faces.modulus[p.material], p.share, dt, self._sim.spacing,
-            self.stiffness, self.friction, force, moment, p.dim,
+            self.pairs[0], self.pairs[1], self._soon, p.owned, p.body, p.position, p.velocity, p.face,
+            self.faces.bulge, p.face_gradient, p.face_stress, self.faces.modulus[p.material], p.share, dt,
+            self._sim.spacing, self.stiffness, self.friction, force, moment, p.dim,
         )  # fmt: skip
 
     def _find_stress(self, p):
@@ -195,9 +203,47 @@ class BodiesContact:
         self._rows = rows[rows < p.owned]
         self._present = any_rank(self._sim.comm, self.pairs.size > 0)
         n, d = self.pairs.shape[1], p.dimension
-        self.pressures, self._arm = np.zeros(n), np.zeros((n, 2 * d))
+        self.pressures, self._arm, self._soon = np.zeros(n), np.zeros((n, 2 * d)), np.zeros(n, np.bool_)
         p.face_mass[: p.owned] = p.mass
         self._sim.halo.update(p, "face_mass")
+        self._note_entries(p)
+
+    def _note_entries(self, p):
+        """Remember which points are inside other bodies; those that were so at the rebuild before have passed."""
+        rows, others = self._inside(p)
+        stays = p.face_entered[rows] == self._sim.rebuild_count - 1.0
+        self._note_breach(p, rows[stays], others[stays])
+        p.face_entered[:] = 0.0
+        p.face_entered[rows] = self._sim.rebuild_count
+
+    def look_behind(self, p: Particles) -> None:
+        """Note a point that has passed the faces of another body."""
+        self._look(p)
+        self._note_breach(p, *self._inside(p))
+
+    def _note_breach(self, p, rows, others):
+        self.breach = None
+        if len(rows):
+            self.breach = np.inf, p.position[rows[0]].copy(), f"body '{self._names[others[0]]}'"
+
+    def _inside(self, p):
+        """Owned rows of points that points of another body are close to and surround, and numbers of these bodies.
+
+        What a corner, a slot or two bodies hold between them has none so close.
+        """
+        i, j = self.pairs.astype(np.int64)
+        way = (p.position[j] - p.position[i]) / self._sim.spacing
+        distance = np.sqrt(square_lengths(way))
+        near = (distance < _AROUND) & (distance > 0.0)
+        i, j, way, distance = i[near], j[near], way[near], distance[near]
+        rows, others = np.concatenate([i, j]), p.body[np.concatenate([j, i])]
+        distance, direction = np.tile(distance, 2), np.concatenate([way, -way]) / np.tile(distance, 2)[:, None]
+        places, at = np.unique(np.stack([rows, others]), axis=1, return_inverse=True)
+        count, nearest = np.bincount(at, minlength=places.shape[1]), np.full(places.shape[1], np.inf)
+        np.minimum.at(nearest, at, distance)
+        mean = np.stack([np.bincount(at, c, places.shape[1]) for c in direction.T], axis=1) / count[:, None]
+        surrounded = (count >= 3 * p.dimension) & (square_lengths(mean) < _ONE_SIDED**2)
+        return places[:, surrounded & (nearest < _AMONG) & (places[0] < p.owned)]
 
     def _meeting(self, p, reach):
         """Rows within `reach` of the box around a body that their own body touches."""

@@ -45,24 +45,31 @@ def find_overlaps(first, second, body, position, face, bulge, spacing, pairs, le
 
 @kernel
 def add_pair_stiffness(
-    first, second, owned, body, position, velocity, ahead, face, bulge, spacing, stiffness, total, dim
+    first, second, owned, body, position, velocity, ahead, face, bulge, spacing, stiffness, acts, total, dim
 ):
-    """Add the stiffness (N/m) of pairs that touch, or may `ahead` (s), to the `total` of their owned points."""
-    d = len(dim)
+    """Add the stiffness (N/m) of pairs that touch, or may `ahead` (s), to the `total` of their owned points.
+
+    Fills which pairs these are, `acts`. Returns the largest speed (m/s) with which two of them come near.
+    """
+    d, closing = len(dim), 0.0
     xi, slope, arm, turn = np.zeros(d), np.zeros(d), np.zeros(2 * d), np.zeros(2 * d * d)
     for b in range(first.shape[0]):
         i, j = first[b], second[b]
         gap, approach = find_gap(position, face, bulge, i, j, spacing, xi, slope, arm, turn, d), 0.0
         for a in range(d):
             approach += slope[a] * (velocity[i, a] - velocity[j, a])
-        if not gap < max(SOON * spacing, _HASTE * ahead * approach):
+        acts[b] = gap < max(SOON * spacing, _HASTE * ahead * approach)
+        if not acts[b]:
             continue
         weight, _ = weigh(xi, gap, face[i, 1] + face[j, 1], spacing, d)
         k = 2.0 * stiffness[body[i], body[j]] * face[i, 0] * face[j, 0] * weight
+        if k > 0.0:
+            closing = max(closing, approach)
         if i < owned:
             total[i] += k
         if j < owned:
             total[j] += k
+    return closing
 
 
 @inlined
@@ -95,18 +102,18 @@ def _relieve(face, bulge, stress, modulus, share, i, j, owned, slope, area, mome
 
 @kernel
 def resist_pairs(
-    first, second, owned, body, position, velocity, face, bulge, gradient, stress, modulus, share, dt, spacing,
+    first, second, acts, owned, body, position, velocity, face, bulge, gradient, stress, modulus, share, dt, spacing,
     stiffness, friction, force, moment, dim,
 ):  # fmt: skip
-    """Force and moments of linear springs in place of all pairs that may touch soon."""
+    """Force and moments of linear springs in place of the pairs that act."""
     d = len(dim)
     n = d * d
     xi, slope, arm, turn, slip = np.zeros(d), np.zeros(d), np.zeros(2 * d), np.zeros(2 * n), np.zeros(d)
     for b in range(first.shape[0]):
         i, j = first[b], second[b]
-        gap = find_gap(position, face, bulge, i, j, spacing, xi, slope, arm, turn, d)
-        if not gap < SOON * spacing:
+        if not acts[b]:
             continue
+        gap = find_gap(position, face, bulge, i, j, spacing, xi, slope, arm, turn, d)
         weight, _ = weigh(xi, gap, face[i, 1] + face[j, 1], spacing, d)
         part = face[i, 0] * face[j, 0] * weight
         _relieve(face, bulge, stress, modulus, share, i, j, owned, slope, part * spacing ** (d - 1), moment, d)

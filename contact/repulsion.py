@@ -51,7 +51,7 @@ class Repulsion:
         """Nothing that moves by itself."""
         return False
 
-    def resist(self, p: Particles, time: float, ahead: float, dt: float, force, moment) -> None:
+    def resist(self, p: Particles, dt: float, force, moment) -> None:
         """Nothing, as above."""
 
 

@@ -72,8 +72,10 @@ class RigidContact:
         self.pose_before: Pose | None = None  # at the start of that step
         self._chosen: tuple = None, None, 0.0, None  # point ids, pose, m around it with all points, rows near it
         self._idle: np.ndarray | None = None  # point ids for which nothing is near it, and nothing is told
+        self._soon: tuple = np.empty(0, np.int64), np.empty(0), np.empty((0, 0))  # rows held, or soon; gaps, normals
+        self.closing = 0.0  # m/s, with which a point that it holds, or may soon, came near when the step was chosen
         self._seen: tuple = (None,) * 5  # rows, pose, places, gaps and normals of the last forces
-        self.breach: tuple[float, np.ndarray] | None = None  # how far behind the surface a point is, m, and where
+        self.breach: tuple[float, np.ndarray, str] | None = None  # how far behind it a point is, m, where, and its name
 
     def attach(self, p: Particles, forces: ForceChannels) -> None:
         """Declare the stick springs (elongation, m), the cells, and the force channels.
@@ -205,14 +207,13 @@ class RigidContact:
 
     def add_stiffness(self, p: Particles, time: float, ahead: float, stiffness: np.ndarray) -> None:
         """Add the contact's stiffness (N/m) to `stiffness` (owned,) of the points that it holds, or may `ahead` (s)."""
-        rows, _, _ = self._held(p, time, ahead, stiffness)
+        self._soon = self._held(p, time, ahead, stiffness)
+        rows = self._soon[0]
         stiffness[rows] += self.stiffness * _ring(p, rows)
 
-    def resist(
-        self, p: Particles, time: float, ahead: float, dt: float, force: np.ndarray, moment: np.ndarray
-    ) -> None:
-        """Add what holds those points, at most, against a motion with `velocity` for `dt`: forces on their faces."""
-        rows, gap, normal = self._held(p, time, ahead, force)
+    def resist(self, p: Particles, dt: float, force: np.ndarray, moment: np.ndarray) -> None:
+        """Add what holds these points, at most, against a motion with `velocity` for `dt`: forces on their faces."""
+        rows, gap, normal = self._soon
         resist_faces(
             rows, gap, normal, p.velocity, p.gradient, p.share, self.reach, dt * self.stiffness, p.widths(),
             isinstance(self._friction, FrictionMap) or self._friction > 0.0, force, moment, p.dim,
@@ -232,11 +233,13 @@ class RigidContact:
         margin, way = (SOON - 1.0) * self.reach, _HASTE * ahead * speed
         rows = self._candidates(p, pose, way) if way > margin else self._near(p, pose)
         if not len(rows):
+            self.closing = 0.0
             return rows, np.empty(0), np.empty((0, p.dimension))
         gap, normal = self._gap(x[rows], pose)
         approach = -(velocity[rows] * normal).sum(axis=1)
         soon = gap - self.reach < np.maximum(margin, _HASTE * ahead * approach)
         held = soon | (getattr(p, self.cell)[rows, 1] > 0.0)
+        self.closing = float(approach[held].max(initial=0.0))
         return rows[held], gap[held], np.ascontiguousarray(normal[held])
 
     def guide(self, p: Particles, room, part, way: np.ndarray, lift: np.ndarray) -> None:
@@ -328,7 +331,7 @@ class RigidContact:
         lost = known & ~(gap >= -most)
         if lost.any():
             deepest = int(np.argmin(np.where(lost, np.nan_to_num(gap, nan=-np.inf), np.inf)))
-            self.breach = -float(gap[deepest]), position[deepest].copy()
+            self.breach = -float(gap[deepest]), position[deepest].copy(), f"contacts[{self.name}]"
 
     def _candidates(self, p, pose, way):
         """Rows of all points that are so near that they touch, hold a spring, or may soon, after a `way` m."""

@@ -42,7 +42,7 @@ class ShortRangePublished:
         self.substrate_spacing = substrate_spacing
         self.stiffness = stiffness * spacing ** (len(lower) - 2)
         self.nearest = _NEAREST * spacing
-        self.breach: tuple[float, np.ndarray] | None = None  # how far a cell overlaps it, m, and where
+        self.breach: tuple[float, np.ndarray, str] | None = None  # how far a cell overlaps it, m, where, and what
         self.friction = friction
         self.cutoff = cutoff
 
@@ -61,7 +61,7 @@ class ShortRangePublished:
         same = [c for c in before or () if isinstance(c, ShortRangePublished) and c.covers(self)]
         if before is not None and not same and gap.min(initial=np.inf) < self.nearest:
             deepest = int(np.argmin(gap))
-            self.breach = self.nearest - float(gap[deepest]), p.position[deepest].copy()
+            self.breach = self.nearest - float(gap[deepest]), p.position[deepest].copy(), f"contacts[{self.name}]"
 
     def covers(self, other: "ShortRangePublished") -> bool:
         """Whether its substrate is that of another."""
@@ -91,12 +91,10 @@ class ShortRangePublished:
         """Nothing that moves by itself."""
         return False
 
-    def resist(
-        self, p: Particles, time: float, ahead: float, dt: float, force: np.ndarray, moment: np.ndarray
-    ) -> None:
+    def resist(self, p: Particles, dt: float, force: np.ndarray, moment: np.ndarray) -> None:
         """Add what holds the points that may touch, at most, against a motion with `velocity` for `dt`."""
         stiffness = np.zeros(p.owned)
-        self.add_stiffness(p, time, ahead, stiffness)
+        self.add_stiffness(p, 0.0, 0.0, stiffness)
         force[: p.owned] -= dt * stiffness[:, None] * p.velocity[: p.owned]
 
 

@@ -106,6 +106,8 @@ class QuasiStaticStage(Stage):
             self.length = min(resolved, _GROWTH * self.length, max(slower, _DECLINE) * self.length)
         else:
             self.length = self.water.shortest_time()
+        for motion in sim.prescribed_motions:
+            motion.begin()  # it bears what the forces now are, as after a checkpoint
         for observer in sim.observers:
             observer.after_increment(sim)
         left = self.end_time - self._begun
@@ -129,6 +131,7 @@ class QuasiStaticStage(Stage):
     def _settle(self, sim, again: bool = False) -> None:
         """Look for equilibrium under the present pressures."""
         self.settling.begin(sim, again)
+        sim.find_shapes()  # as after a checkpoint
         sim.apply_loads(0.0)
 
     def _finish(self, sim) -> str:

@@ -14,6 +14,11 @@ THINNEST = 0.1
 """Skin, over the largest, at the start and at least."""
 _OFTEN, _SELDOM = 60, 150  # steps between rebuilds that call for a thicker, or a thinner, skin
 _PASSED = 0.5  # spacings behind a plane of symmetry, from which on a point has met its image and gone on
+_LEFT = "has passed the obstacle; give the contact more stiffness, or the scene a domain that points leave before"
+_ENTERED = (
+    "has passed its faces; let bodies that are torn meet more slowly, or on a finer spacing, give their contact more "
+    "stiffness, or the scene a domain that grains leave before"
+)
 _IMBALANCE = 1.07  # of the bonds per rank, above which space is divided anew
 
 
@@ -66,8 +71,8 @@ def neighbours_are_stale(sim) -> bool:
 
 
 def refuse_breaches(sim, how: str = "") -> None:
-    """Raise ContactError, on all ranks alike, if a point is behind an obstacle; `how` it came there, and advice."""
-    found = [(*c.breach, f"contacts[{c.name}]") for c in sim.contacts if getattr(c, "breach", None) is not None]
+    """Raise ContactError, on all ranks alike, if a point is behind an obstacle, or in a body; `how` it got there."""
+    found = [c.breach for c in sim.contacts if getattr(c, "breach", None) is not None]
     if sim.halo.images is not None:
         depth, place = sim.halo.images.deepest(sim.particles)
         if depth > _PASSED * sim.spacing:
@@ -77,10 +82,9 @@ def refuse_breaches(sim, how: str = "") -> None:
     breaches = [b for of_rank in sim.comm.allgather(found) for b in of_rank]
     depth, place, name = max(breaches, key=lambda b: (np.isnan(b[0]), b[0], tuple(b[1])))
     where = "over a hole" if np.isnan(depth) else f"{depth:.3g} m behind its surface"
-    how = how or (
-        "has passed the obstacle; give the contact more stiffness, or the scene a domain that points leave before"
-    )
-    raise ContactError(f"{name}: a point at ({place_text(place, sim.origin, 4)}), {where}, {how}")
+    if np.isinf(depth):
+        where, how = "inside of it", how or _ENTERED
+    raise ContactError(f"{name}: a point at ({place_text(place, sim.origin, 4)}), {where}, {how or _LEFT}")
 
 
 def _departing(sim, departures: Departures) -> np.ndarray:

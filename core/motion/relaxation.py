@@ -13,7 +13,8 @@ from periporo.core.points.forces import WORK
 from periporo.core.ranks.reductions import exact_sum
 
 STEERING, _DECAY, _PATIENCE = 0.1, 0.99, 5
-_REMEMBERED = ("_time", "_first_step", "_steering", "_downhill")
+_LOWER, _HOPE = 0.99, 20_000  # of the least residual, which one that still falls comes below in so many steps
+_REMEMBERED = ("_time", "_first_step", "_steering", "_downhill", "_least", "_least_at")
 _DAMPING = WORK.index("damping")
 
 
@@ -36,11 +37,12 @@ class Relaxation:
         self.steps = 0
         self._steering, self._downhill = STEERING, 0
         self._time, self._first_step = 0.0, 0
+        self._least, self._least_at = math.inf, 0  # residual, and in which step
 
     def run(self, sim) -> None:
         """Step until `residual` is below the tolerance; time does not advance.
 
-        Raises RelaxationError if there is no load to compare with, or not enough steps.
+        Raises RelaxationError if there is no load to compare with, or not enough steps, or no use in more.
         """
         self.begin(sim)
         while not self.is_over(sim):
@@ -50,6 +52,7 @@ class Relaxation:
     def begin(self, sim) -> None:
         """Start from rest."""
         self._time, self._first_step = sim.time, sim.step_number
+        self._least, self._least_at = math.inf, sim.step_number
         sim.rate_independent = True
         self._set_velocity(sim.particles, np.zeros((sim.particles.owned, sim.particles.dimension)))
 
@@ -64,6 +67,14 @@ class Relaxation:
                 f"stage '{self.name}': out-of-balance force is {self.residual:.3g} of the load after "
                 f"{self.steps} steps, not {self.tolerance:.3g}; raise max_steps or tolerance, or let the "
                 "body collapse in a dynamics stage if it cannot stand"
+            )
+        if self.residual < _LOWER * self._least:
+            self._least, self._least_at = self.residual, sim.step_number
+        elif sim.step_number - self._least_at >= _HOPE:
+            raise RelaxationError(
+                f"stage '{self.name}': out-of-balance force was {self._least:.3g} of the load {_HOPE} steps ago, and "
+                f"has never been less, nor {self.tolerance:.3g}: what flies, rattles or slides does not come to rest; "
+                "raise tolerance, hold what is loose, or let it move in a dynamics stage"
             )
         return False
 

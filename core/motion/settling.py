@@ -48,6 +48,7 @@ class Settling(Relaxation):
         """Whether equilibrium is reached; if not, make ready for the next step."""
         if self._moved:  # at rest again: what dampings of contacts made of the move does not count
             self._set_velocity(sim.particles, np.zeros((sim.particles.owned, sim.particles.dimension)))
+            sim.find_shapes()  # as after a checkpoint
             sim.apply_loads(0.0)
             self._moved = False
         if (self.steps + 1) % 20 == 0 and self.way(sim) > self.largest_way:

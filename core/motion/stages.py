@@ -17,7 +17,7 @@ from periporo.core.ranks.reductions import any_rank, exact_sum, maximum
 
 CHECK_INTERVAL = 100  # steps between looks at the displacements of a relaxation
 _STILL = 1e-3  # spacings: less is no motion
-_REMEMBERED = ("end_time", "first_step", "initial_residual", "_peak")
+_REMEMBERED = ("end_time", "first_step", "initial_energies", "_peak")
 
 
 @dataclass
@@ -83,7 +83,7 @@ class Stage(ABC):
         try:
             if self._is_over(sim):
                 sim.confirm()
-                return True
+                return all(guard.conclude(sim) for guard in sim.guards)
             sim.step()
             for guard in sim.guards:
                 guard.check(sim)
@@ -194,7 +194,7 @@ class DynamicsStage(Stage):
     launches: list = field(default_factory=list)  # (body, velocity (d,) m/s) of bodies that were held until now
     end_time: float = 0.0
     first_step: int = 0
-    initial_residual: float = 0.0  # of the energy ledger, J
+    initial_energies: dict[str, float] = field(default_factory=dict)  # of the ledger, J
     _peak: float = 0.0  # of the kinetic energy, J
     _at_rest: bool = False
 
@@ -205,7 +205,7 @@ class DynamicsStage(Stage):
             _launch(sim.particles, body, velocity)
 
     def _begin(self, sim) -> None:
-        self.initial_residual = sim.ledger.entries()["energy_residual"]
+        self.initial_energies = sim.ledger.entries()
 
     def _is_over(self, sim) -> bool:
         if self.rest_fraction is not None and sim.step_number % self.rest_interval == 0:

@@ -18,6 +18,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from periporo.core.motion.pace import longest_approach
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics.elasticity import add_elastic
 from periporo.core.numerics.jit import kernel
@@ -30,6 +31,7 @@ _CONVERGED = 2e-3  # relative change of the frequency in one of them
 _DAMPED = 0.97  # of the limit of damped steps
 _DRIFT = 0.1  # relative change of the local estimate after which the ratio is measured again
 _OFTEN, _SELDOM = 200, 800  # steps after which it is measured again in any case
+_LONGER = 1.2  # step over the one before, from which on the next look comes early
 _NEVER = 2**62
 _STEADY = 0.02  # relative change of the ratio up to which it is measured less often
 _SCRATCHED = ("velocity", "jacobian", "tilt", "viscous_stress")  # fields of points that keep their values
@@ -91,7 +93,11 @@ class StableTimeStep:
         self._limit = 2.0 / frequency
         if self._limit < before:
             self._limit *= self._limit / before
-        return self.reduction * min(self.safety, damped_limit(sim, frequency)) * self._limit
+        step = min(self.safety, damped_limit(sim, frequency)) * self._limit
+        step = self.reduction * min(step, longest_approach(sim))
+        if step > _LONGER * sim.dt > 0.0:  # contacts were looked for in as many steps of the length before
+            self._again = min(self._again, sim.step_number + max(1, int(self.interval * sim.dt / step)))
+        return step
 
     def memory(self) -> dict:
         """What a checkpoint keeps."""
@@ -200,8 +206,13 @@ def _divided(vector, partner, norm):
 
 @contextmanager
 def held(sim) -> Iterator[None]:
-    """Within it the moduli are those of the present, and stress, state and points may be tried with."""
+    """Within it the moduli are those of the present, and stress, state and points may be tried with.
+
+    Contacts hold what they hold now, or may soon with the present velocities.
+    """
     p = sim.particles
+    for contact in sim.contacts:
+        contact.add_stiffness(p, sim.time, sim.time_step.interval * sim.dt, np.zeros(p.owned))
     for block in sim.bonds.blocks:
         block.held_moduli = block.elastic_moduli()
     kept = [(r.stress.copy(), r.state.copy(), r.active.copy()) for r in sim.bonds.carriers]
@@ -250,7 +261,7 @@ def apply_stiffness(sim, displacement, limit: float = 0.0):
     force, held = np.zeros((2, p.total, p.dimension))
     moment = np.zeros((p.owned, p.dimension**2))
     for contact in sim.contacts:
-        contact.resist(p, sim.time, sim.time_step.interval * sim.dt, dt, held, moment)
+        contact.resist(p, dt, held, moment)
     sim.scheme.internal_force(p, sim.bonds, sim.halo, force, moment if sim.forces.on_faces else None)
     force += held
     force /= -dt

@@ -48,7 +48,7 @@ def build_bodies_contact(scene, models, faces, sim) -> BodiesContact:
             place = both, both[::-1]
             stiffness[place] = (_in_series(scene, sim, both) if k is None else k) * h ** (scene.dimension - 1)
             friction[place], damping[place] = model.friction, model.damping
-    return BodiesContact(faces, stiffness, friction, damping)
+    return BodiesContact(faces, names, stiffness, friction, damping)
 
 
 def _in_series(scene, sim, bodies):

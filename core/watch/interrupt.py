@@ -87,6 +87,10 @@ class Keeper:
     def refused(self, sim, refusal) -> None:
         """Nothing to do."""
 
+    def conclude(self, sim) -> bool:
+        """Nothing to do."""
+        return True
+
     def check(self, sim) -> None:
         """After a step: write a checkpoint if it is time, and raise Interrupted if it is time to stop."""
         if sim.step_number % CHECK_INTERVAL != 0:

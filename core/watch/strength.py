@@ -19,7 +19,7 @@ from periporo.core.watch.state import State, StateError, capture, install, memor
 _WIDER = 1.3  # times the factor at which the soil still stands, while none is known at which it fails
 _LOOK = 100  # steps between looks at how far points have gone
 _GONE = 1.0  # spacings that a point goes in soil that has failed, if it still moves
-_REMEMBERED = ("first_step", "initial_residual", "factor", "stands", "falls", "began", "last")
+_REMEMBERED = ("first_step", "initial_energies", "factor", "stands", "falls", "began", "last")
 
 
 class StabilityError(RuntimeError):
@@ -39,7 +39,7 @@ class StrengthReductionStage(Stage):
     accuracy: float = 0.02
     largest: float = 5.0
     first_step: int = 0
-    initial_residual: float = 0.0  # of the energy ledger, J
+    initial_energies: dict[str, float] = field(default_factory=dict)  # of the ledger, J
     factor: float = 1.0
     stands: float = 0.0
     falls: float = np.inf
@@ -63,7 +63,7 @@ class StrengthReductionStage(Stage):
 
     def _begin(self, sim) -> None:
         self.first_step, self.began = sim.step_number, sim.time
-        self.initial_residual = sim.ledger.entries()["energy_residual"]
+        self.initial_energies = sim.ledger.entries()
         self._start = capture(sim)
         self._weaken(sim, 1.0)
 

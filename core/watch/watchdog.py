@@ -35,6 +35,8 @@ _TURNED_OVER = (
 
 
 _GIVERS = {"contact_energy": "contact", "friction_dissipation": "friction", "damping_dissipation": "damping"}
+_STORES = ("kinetic_energy", "internal_energy", *_GIVERS)
+_SOURCES = ("external_work", "prescribed_work", "obstacle_work")
 _NOISE = 1e-16  # energy that contacts of bodies at rest may seem to give, over that of the bodies at their wave speeds
 
 
@@ -71,10 +73,12 @@ class Watchdog:
 
     def check(self, sim) -> None:
         """After a step: keep the state, or take it back. Raises WatchdogError if that was tried often enough."""
+        if sim.step_number % CHECK_INTERVAL == 0 or self._failures > 0:
+            sim.confirm()
+            self._look(sim)
+
+    def _look(self, sim):
         careful = self._failures > 0
-        if sim.step_number % CHECK_INTERVAL != 0 and not careful:
-            return
-        sim.confirm()
         fault = self._fault(sim)
         _forget_peaks(sim)
         if fault is not None:
@@ -83,6 +87,13 @@ class Watchdog:
             if careful:
                 self._relent(sim)
             self._keep(sim)
+
+    def conclude(self, sim) -> bool:
+        """At the end of a stage: whether its last state is sound; else it is taken back, and the stage goes on."""
+        before = self.retries
+        if sim.step_number % CHECK_INTERVAL != 0 and self._failures == 0:  # else this has just been done
+            self._look(sim)
+        return self.retries == before
 
     def refused(self, sim, refusal) -> None:
         """Take back a step that a law refuses. Raises WatchdogError if that was tried often enough."""
@@ -133,17 +144,16 @@ class Watchdog:
             excess = strain_jumps(sim) / STRAIN_JUMP
             if maximum(sim.comm, float(excess.max(initial=0.0))) > 1.0:
                 return self._describe(sim, "strain", excess)
-        stage = self._stage
-        if sim.rate_independent or sim.step_number < stage.first_step + _WARM_UP:
+        if sim.rate_independent:
             return None
         rough = sim.ledger.rough_entries()
-        if max(self._energy_error(rough), self._gain(rough)[0]) <= 0.5 * self.energy_tolerance:
+        if max(self._energy_error(sim, rough), self._gain(sim, rough)[0]) <= 0.5 * self.energy_tolerance:
             return None
         entries = sim.ledger.entries()  # the same for any number of ranks
-        error = self._energy_error(entries)
+        error = self._energy_error(sim, entries)
         if not error <= self.energy_tolerance:
             return self._blame(sim, "energy", np.abs(sim.particles.work[:, INTEGRATION]), error)
-        gain, channel = self._gain(entries)
+        gain, channel = self._gain(sim, entries)
         if gain > self.energy_tolerance:
             given = np.maximum(sim.particles.work[:, WORK.index(channel)], 0.0)
             return replace(self._blame(sim, "gain", given, gain), reason=channel)
@@ -152,19 +162,33 @@ class Watchdog:
     def _blame(self, sim, kind, share, size):
         return self._describe(sim, kind, share / maximum(sim.comm, float(share.max(initial=0.0))), size)
 
-    def _energy_error(self, entries):
+    def _warms_up(self, sim):
+        return sim.step_number < self._stage.first_step + _WARM_UP
+
+    def _energy_error(self, sim, entries):
         """Energy that nothing explains over the energy that was turned over, since the stage began; NaN stays."""
-        error = abs(entries["energy_residual"] - self._stage.initial_residual)
+        if self._warms_up(sim):
+            return 0.0
+        error = abs(entries["energy_residual"] - self._stage.initial_energies["energy_residual"])
         if error == 0.0:
             return 0.0
         turned_over = _turned_over(entries)
         return error / turned_over if turned_over != 0.0 else np.inf
 
-    def _gain(self, entries):
-        """Energy that a channel gave and had not taken, over the energy that was turned over; and the channel."""
-        name = min(_GIVERS, key=entries.__getitem__)
-        given = -entries[name]
-        return (given / _turned_over(entries) if given > self._noise else 0.0), _GIVERS[name]
+    def _gain(self, sim, entries):
+        """Energy that a channel gave and had not taken, over the energy at hand; and the channel.
+
+        What it gave while equilibrium was looked for, by moves that are no motion, does not count, and then it may hold
+        what was not booked; nor, of the integrator's term, what velocity Verlet only lends while forces act.
+        """
+        before = self._stage.initial_energies
+        judged = (name for name in _GIVERS if before[name] >= 0.0 or not self._warms_up(sim))
+        given = {_GIVERS[name]: min(before[name], 0.0) - entries[name] for name in judged}
+        given["integration"] = entries["energy_residual"] - before["energy_residual"]
+        if given["integration"] > 0.5 * self.energy_tolerance * _at_hand(sim, entries):
+            given["integration"] -= borrowed(sim)
+        channel = max(given, key=given.__getitem__)
+        return (given[channel] / _at_hand(sim, entries) if given[channel] > self._noise else 0.0), channel
 
     def _describe(self, sim, kind, excess, size=None):
         return find_fault(sim, kind, excess, self.materials, self._kept, size)
@@ -172,6 +196,22 @@ class Watchdog:
 
 def _turned_over(entries):
     return sum(abs(entries[name]) for name in _TURNED_OVER)
+
+
+def _at_hand(sim, entries):
+    """Energy that was put in, or is in stores and losses by now, whichever is more."""
+    put_in = sim.ledger.initial_kinetic + sum(max(entries.get(name, 0.0), 0.0) for name in _SOURCES)
+    return max(put_in, sum(max(entries[name], 0.0) for name in _STORES))
+
+
+def borrowed(sim) -> float:
+    """What velocity Verlet lends to the motion while the present forces act, m (a dt)^2/8 of all points, J; collective.
+
+    The integrator's terms of alike steps add up to its change, so that it is given back when the forces end.
+    """
+    p, n = sim.particles, sim.particles.awake
+    kick = p.velocity[:n] - p.previous_velocity[:n]  # a dt / 2
+    return float(exact_sum(sim.comm, 0.5 * p.mass[:n] * square_lengths(kick))[0])
 
 
 def _forget_peaks(sim):

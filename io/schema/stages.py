@@ -37,7 +37,10 @@ class RelaxStage(_Stage):
     tolerance: Real = key(
         "out-of-balance force over load at which it ends", "1", default=1e-4, ge=1e-14, le=0.1
     )
-    max_steps: Integer = key("steps after which it is given up", default=200_000, ge=1, le=10**9)
+    max_steps: Integer = key(
+        "steps after which it is given up; earlier if what is out of balance has not become less for 20000 steps",
+        default=200_000, ge=1, le=10**9,
+    )  # fmt: skip
     max_displacement: Real = key(
         "way of a point, over the shortest side of its body, beyond which it flows and the run ends", "1",
         default=0.1, gt=0, le=1e6,

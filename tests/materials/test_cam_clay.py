@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from periporo.core.numerics.tensors import equivalent_shear, mean
+from periporo.core.points.opening import advance_rows
 from periporo.materials import check_material
 from periporo.materials.cam_clay import CamClay, bonding_exponents
 
@@ -444,3 +445,23 @@ def test_a_copy_has_numbers_of_its_own():
     before, _ = law.elastic_moduli(stress, state)
     after, _ = law.model_copy(update={"bulk_modulus": 2.0 * law.bulk_modulus}).elastic_moduli(stress, state)
     assert after.tolist() == (2.0 * before).tolist() == [2.0 * law.bulk_modulus] * 2
+
+
+def test_open_soil_that_is_sheared_and_expands_gives_no_work():
+    """Its dilation goes into the gap, which is smaller then; it bears nothing before that has closed."""
+    law, stress = soil(), isotropic(-5e3, 4)
+    state = law.initial_state(stress, IDS, VOLUME)
+    stress[:], state[0, -1] = 0.0, 0.02
+    strain, work = np.zeros((1, 4)), 0.0
+    for k in range(200):
+        strain[0, :2], strain[0, 3] = 1e-4, 1e-5 * (-1.0) ** (k // 10)
+        work += strain[0] @ (stress[0] * [1.0, 1.0, 1.0, 2.0])
+        advance_rows(law, stress, strain.copy(), state, 1e-4)
+        work += strain[0] @ (stress[0] * [1.0, 1.0, 1.0, 2.0])
+    assert abs(stress).max() < 1e-9 and abs(work) < 1e-9
+    assert 0.0 < 0.06 - state[0, -1] < 0.02  # of the gap
+    closing = isotropic(-1.0 / 3.0, 4)
+    advance_rows(law, stress, 0.5 * state[0, -1] * closing, state, 1e-4)
+    assert abs(stress).max() < 1e-9
+    advance_rows(law, stress, (state[0, -1] + 2e-5) * closing, state, 1e-4)
+    assert mean(stress)[0] == pytest.approx(-2e-5 * K, rel=1e-6)

@@ -456,6 +456,34 @@ def test_a_grain_in_a_cleft_of_a_torn_body_is_not_pushed_by_new_faces():
     assert (p.face[:, 1] < 0.49 * H).sum() == 2  # of the walls, which have drawn back from it
 
 
+def test_a_grain_inside_another_body_ends_the_run():
+    """Between the points of a lattice; in a slot that it just fills it may lie, squeezed by a fifth."""
+    for place, inside in (([0.1, 0.1], True), ([0.5 * H, 0.5 * H], False), ([0.1, 0.2 + 0.3 * H], False)):
+        sim = started(scene_of([box([0, 0], [0.2, 0.2]), box([0, 0.3], [0.2, 0.4])]))
+        p = sim.particles
+        grain = np.flatnonzero(p.body == 1)[0]
+        p.position[grain] = place
+        for _ in range(2):
+            rebuild(sim)
+            sim.evaluate_forces()
+        if inside:
+            with pytest.raises(ContactError, match=r"body 'a': a point at \(0.1, 0.1\), inside of it, has passed its"):
+                rebuild(sim)
+        else:
+            rebuild(sim)
+    sim = started(scene_of([box([0, 0], [0.2, 0.2]), box([0, 0.3], [0.2, 0.4])]))
+    p = sim.particles
+    x, y = (p.position / H).T
+    slot = (p.body == 0) & (abs(x - 3.5) < 0.1) & (y > 4.0)
+    grains = np.flatnonzero((p.body == 1) & (y < 12.6))[: slot.sum()]
+    p.position[grains], p.position[slot] = p.position[slot], p.position[grains] + [0.0, 0.5]
+    p.position[(p.body == 0) & (abs(x - 2.5) < 0.1), 0] += 0.2 * H
+    for _ in range(2):
+        rebuild(sim)
+        sim.evaluate_forces()
+    assert contact_of(sim).breach is None
+
+
 def test_nothing_is_done_while_nothing_is_near():
     scene = sled(0.5, 0.0)
     scene["bodies"][1]["shape"] = {"type": "box", "lower": [0.1, 0.25], "upper": [0.4, 0.35]}

@@ -153,7 +153,7 @@ def test_what_overlaps_when_an_obstacle_appears_presses_from_there_on():
     assert contact.breach is None
     rig.p.position[0, 1] = -0.1 * H
     contact.appear(rig.p, 1.0, [])
-    depth, place = contact.breach
+    depth, place, _ = contact.breach
     assert depth == pytest.approx(0.1 * H) and place == pytest.approx([0.0, -0.1 * H])
 
 

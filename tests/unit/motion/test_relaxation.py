@@ -63,6 +63,15 @@ def test_giving_up_tells_how_far_it_came_and_what_to_do(column):
         Relaxation("settle", 1e-8, 3).run(column)
 
 
+def test_what_falls_is_given_up_before_all_steps_are_taken(cloud, grid, monkeypatch):
+    monkeypatch.setattr("periporo.core.motion.relaxation._HOPE", 40)
+    sim = cloud(grid(4, 4, spacing=0.01), loads=[Gravity(np.array([0.0, -9.81]))])
+    relaxation = Relaxation("settle", 1e-3, 10_000)
+    with pytest.raises(RelaxationError, match="out-of-balance force was 1 of the load 40 steps ago, and has"):
+        relaxation.run(sim)
+    assert relaxation.steps == 40
+
+
 def test_without_loads_the_reactions_of_what_is_held_are_the_scale(scene_of, started):
     """A bar that was pressed together by 0.1 % and let go to equilibrium: plane strain, free sides."""
     ends = {"where": {"body": "block", "upper": [-0.18, None]}, "fix": ["x"]}

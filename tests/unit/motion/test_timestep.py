@@ -107,6 +107,42 @@ def test_contact_and_compression_shorten_the_step(cloud, grid):
     assert cloud(0.8 * position, spacing=SPACING).dt < free.dt
 
 
+def test_an_obstacle_that_comes_counts_before_it_is_there(cloud, grid):
+    """A block falls to a stiff floor and meets it within the next twenty steps: in the exact frequency, too."""
+    position = grid(6, 5, spacing=SPACING) + [0.0, 1.2 * SPACING]
+    steps = []
+    for speed in (0.0, 5.0):
+        floor = RigidContact("f", Plane([0.0, 0.0], [0.0, 1.0]), spacing=SPACING, skin=3.0 * SPACING, stiffness=1e12,
+                             friction=0.0)  # fmt: skip
+        sim = cloud(position, velocity=np.tile([0.0, -speed], (30, 1)), contacts=[floor])
+        sim.time_step.interval = 20
+        sim.dt = 1e-4
+        steps.append(sim.time_step.choose(sim))
+        if speed:
+            assert highest_frequency(sim) > 0.9 * np.sqrt(1e12 / sim.particles.mass[0])
+    assert steps[1] == pytest.approx(0.8 * 2.0 / np.sqrt(1e12 / sim.particles.mass[0]), rel=0.1)
+    assert steps[0] > 20.0 * steps[1]
+
+
+def test_the_next_look_comes_before_what_was_looked_for(cloud, grid):
+    """After a step that is ten times shorter, contacts were looked for in twenty of these only."""
+    sim = cloud(grid(6, 5, spacing=SPACING))
+    step = sim.dt
+    sim.time_step.interval = 20
+    sim.dt, sim.step_number = 0.1 * step, 40
+    assert sim.time_step.choose(sim) == pytest.approx(step)
+    assert [k for k in range(41, 60) if sim.time_step.due(k)][0] == 42
+
+
+def test_what_meets_fast_makes_the_step_short_before(cloud, grid):
+    """A block at 40 m/s strains by a thirtieth in a step when it meets the floor, and has not to be slowed then."""
+    floor = RigidContact("f", Plane([0.0, 0.0], [0.0, 1.0]), spacing=SPACING, skin=0.3 * SPACING, stiffness=1e9,
+                         friction=0.0)  # fmt: skip
+    position = grid(6, 5, spacing=SPACING) + [0.0, 0.2 * SPACING]
+    sim = cloud(position, velocity=np.tile([0.0, -40.0], (30, 1)), contacts=[floor])
+    assert sim.time_step.choose(sim) == pytest.approx(0.9 * 0.1 / 3.0 * SPACING / 40.0, rel=0.01)
+
+
 def test_when_it_is_due():
     assert [StableTimeStep(0.8, None, 3).due(k) for k in range(5)] == [True, False, False, True, False]
     assert not StableTimeStep(0.8, 1e-5, 3).due(0)

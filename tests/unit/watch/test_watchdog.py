@@ -16,6 +16,7 @@ from periporo.core.watch.watchdog import (
     STRAIN_JUMP,
     Watchdog,
     WatchdogError,
+    borrowed,
     nan_points,
     speed_ratios,
     strain_jumps,
@@ -62,6 +63,10 @@ class Saboteur:
 
     def refused(self, sim, refusal):
         pass
+
+    def conclude(self, sim):
+        self.check(sim)
+        return True
 
 
 def nan_velocity(sim):
@@ -161,6 +166,32 @@ def test_a_passing_fault_is_taken_back_and_the_run_goes_on(flight, tmp_path, kin
     assert flight.time_step.reduction == (0.5 if lasting else 1.0) and "sound again" in messages[1]
     assert flight.step_number == (600 if lasting else 550) and flight.time == pytest.approx(300 * 2e-5, rel=1e-9)
     assert np.isfinite(flight.particles.position).all()
+
+
+@pytest.mark.parametrize(("at", "found"), [(3, 10), (296, 297)])
+def test_energy_is_looked_at_from_the_start_of_a_stage_to_its_end(flight, tmp_path, at, found):
+    """A gain in the first steps; and one between the last look and the last step, which is none of every ten."""
+    flight.stages[0].duration = 297 * 2e-5
+    dog, messages = guarded(flight, tmp_path, Saboteur(energy_from_nowhere, at=at))
+    flight.run()
+    assert dog.retries == 1 and f"step {found}:" in messages[0] and flight.time_step.reduction == 0.5
+    assert "energy error" in messages[0] if at > 100 else "'integration' gave" in messages[0]
+    assert flight.step_number == 2 * 297 and flight.time == pytest.approx(297 * 2e-5, rel=1e-9)
+
+
+def test_what_velocity_verlet_lends_is_no_gain(cloud, grid, tmp_path):
+    """A vibration of the grid has (omega dt)^2/4 of its energy beyond it where it is squeezed most, and gives it back.
+    """
+    position = grid(8, 6, spacing=SPACING)
+    sim = cloud(position, velocity=1e-3 * (-1.0) ** np.round(position / SPACING - 0.5))
+    sim.stages = [DynamicsStage("shake", duration=90 * sim.dt)]
+    dog, _ = guarded(sim, tmp_path, Saboteur(nan_velocity, at=-1))
+    shares = []
+    sim.call_every(1, lambda s: shares.append((s.ledger.entries()["energy_residual"], borrowed(s))))
+    sim.run()
+    gained, lent = np.array(shares).T / sim.ledger.initial_kinetic
+    assert dog.retries == 0 and gained.max() > 0.1
+    assert gained == pytest.approx(lent, abs=1e-3)
 
 
 def test_after_a_sound_while_the_full_step_returns(flight, tmp_path, monkeypatch):
