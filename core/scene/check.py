@@ -10,6 +10,7 @@ from periporo.core.scene.doubts import doubts_about
 from periporo.core.scene.fields import ParameterFields
 from periporo.core.scene.source import naming, read_everywhere
 from periporo.errors import SCREEN_LINES, SCREEN_WIDTH, ContactError
+from periporo.io.output.terminal import say
 from periporo.io.schema.stages import STILL
 
 _TRIALS = 20  # steps
@@ -25,7 +26,7 @@ def check_scene(path, comm) -> int:
         sim = build(scene, comm)
         output_names(scene, sim)
         if not jit.cache_is_warm() and comm.rank == 0:
-            print(jit.COMPILING, flush=True)
+            say(jit.COMPILING)
         sim.start()
     doubts, fields = doubts_about(scene, sim), _fields(sim)
     sim.rate_independent = all(stage.type in STILL for stage in scene.stages)
@@ -45,8 +46,7 @@ def check_scene(path, comm) -> int:
             *(("friction", line) for line in _friction(scene, sim.materials)),
             *(("field", line) for line in fields),
         ]
-        print(f"{path}: valid")
-        print("\n".join(_screen(facts, [*ended, *doubts])))
+        say("\n".join([f"{path}: valid", *_screen(facts, [*ended, *doubts])]))
     return 3 if ended else 0
 
 

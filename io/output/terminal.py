@@ -1,10 +1,25 @@
 """What rank 0 writes its progress to."""
 
 import os
+import sys
+from typing import IO
 
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
+
+
+def say(text: str) -> None:
+    """Print a text; nothing more is said when nobody reads it any more, as behind `| head`."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        fall_silent(sys.stdout)
+
+
+def fall_silent(file: IO[str]) -> None:
+    """Have what is written to a file go nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), file.fileno())
 
 
 class PatientConsole(Console):
@@ -13,7 +28,7 @@ class PatientConsole(Console):
     def on_broken_pipe(self):
         """In place of ending the program."""
         self.quiet = True
-        os.dup2(os.open(os.devnull, os.O_WRONLY), self.file.fileno())
+        fall_silent(self.file)
 
 
 class LiveText(Live):

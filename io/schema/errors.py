@@ -35,6 +35,7 @@ _PATTERNS = {
     FILE_PATTERN: "{} is not a valid file name: it contains control characters",
     TEXT_PATTERN: "{} contains control characters",
 }
+_PLAIN_MEMBERS = ("float", "int")  # as pydantic names them in a union
 _SCALARS = ("number", "integer", "string", "boolean")
 _NUMERIC = ("float_type", "int_type", "float_parsing", "int_parsing", "int_from_float")
 
@@ -44,7 +45,8 @@ def problems_of(error: ValidationError, schema: dict[str, Any], data: Any) -> li
 
     A key that is missing because it was misspelt is reported once, as misspelt.
     """
-    findings = [(_data_path(f["loc"], data), f) for f in error.errors(include_url=False) if not _follows(f)]
+    errors = [finding for finding in error.errors(include_url=False) if not _follows(finding)]
+    findings = [(_data_path(f["loc"], data), f) for f in errors if not _is_of_another_kind(f)]
     missing = {path for path, f in findings if f["type"] == "missing"}
     problems, explained = [], set()
     for path, finding in findings:
@@ -58,6 +60,14 @@ def problems_of(error: ValidationError, schema: dict[str, Any], data: Any) -> li
         if finding["type"] != "extra_forbidden" and path not in explained:
             problems.append(Problem(_place(path, finding), _message(finding, _node(schema, path, data))))
     return problems
+
+
+def _is_of_another_kind(finding: ErrorDetails) -> bool:
+    """Whether a number or a mapping of numbers was wanted, and this is what is wrong with it as the other."""
+    member = str(finding["loc"][-1]) if finding["loc"] else ""
+    if member.startswith("dict["):
+        return finding["type"] == "dict_type"
+    return member in _PLAIN_MEMBERS and isinstance(finding["input"], dict)
 
 
 def _follows(finding: ErrorDetails) -> bool:
@@ -87,7 +97,8 @@ def _data_path(location: Path, data: Any) -> Path:
     path: list[str | int] = []
     here, may_be_tag = data, True
     for part in location:
-        if str(part).startswith("[") or (may_be_tag and isinstance(here, dict) and here.get("type") == part):
+        member = str(part).startswith(("[", "dict[")) or (part in _PLAIN_MEMBERS and not _has(here, part))
+        if member or (may_be_tag and isinstance(here, dict) and here.get("type") == part):
             may_be_tag = False
             continue
         path.append(part)
@@ -97,6 +108,10 @@ def _data_path(location: Path, data: Any) -> Path:
         except (KeyError, IndexError, TypeError):
             here = None
     return tuple(path)
+
+
+def _has(data: Any, part: Any) -> bool:
+    return isinstance(data, dict) and part in data
 
 
 def _node(schema: dict[str, Any], path: Path, data: Any) -> dict[str, Any]:

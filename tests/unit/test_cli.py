@@ -295,6 +295,9 @@ def test_a_run_goes_on_when_nobody_reads_what_it_says(scene, tmp_path):
     assert done.returncode == 0 and done.stderr == ""
     with h5py.File(tmp_path / "scene.vtkhdf") as file:
         assert file["Run"].attrs["finished"] == 1
+    command = f"{sys.executable} -m periporo.core.cli check {scene()} | true; exit ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", command], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and done.stderr == ""
 
 
 def test_command_line_mistakes(call):

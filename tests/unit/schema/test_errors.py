@@ -260,6 +260,16 @@ def test_a_flood_of_problems_is_cut_to_one_screen(tmp_path):
     assert 5 <= shown <= 15 and str(error).endswith(f"and {200 - shown} more")
 
 
+@pytest.mark.parametrize(("value", "path", "says"), [
+    (".nan", "", "must be a finite number"), ("many", "", "must be a number"), ("[4]", "", "must be a number"),
+    ("{STREN: x}", ".STREN", "must be a number"), ("{STREN: .nan}", ".STREN", "must be a finite number"),
+])  # fmt: skip
+def test_a_number_or_a_mapping_of_numbers_is_one_problem(tmp_path, value, path, says):
+    law = f"soil: {{model: arena, weibull_modulus: {value}}}"
+    (problem,) = refusal(tmp_path, BASE.replace(BASE.splitlines()[3].strip(), law)).problems
+    assert dotted(problem.path) == "materials.soil.weibull_modulus" + path and problem.message.startswith(says)
+
+
 def test_entries_of_a_wrong_list_are_reported_once(tmp_path):
     error = refusal(tmp_path, BASE.replace("upper: [1, 1]", "upper: [a, b]"))
     assert [dotted(p.path) for p in error.problems] == [
