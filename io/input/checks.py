@@ -152,7 +152,7 @@ def _references(scene: SceneInput, bodies: list[str], stages: list[str]) -> Iter
         if boundary.tie is not None and boundary.tie.to.body is not None:
             yield ("boundaries", name, "tie", "to", "body"), boundary.tie.to.body, "body", bodies
         if boundary.water is not None and boundary.water.obstacle is not None:
-            named = [c.name for c in scene.contacts if getattr(c, "name", None) is not None]
+            named = [told for c in scene.contacts if (told := getattr(c, "name", None)) is not None]
             yield ("boundaries", name, "water", "obstacle"), boundary.water.obstacle, "named obstacle", named
     for k, stage in enumerate(scene.stages):
         for n, name in enumerate(stage.boundaries):
