@@ -81,7 +81,8 @@ def refuse_hasty_flow(scene, sim, water: FlowingWater) -> None:
     if water.stages_within(p, water.network(p), sim.dt) <= MOST_STAGES:
         return
     worst = list(scene.materials)[int(np.argmax(water.permeability.mobility))]
-    own, path = scene.pore_water.soils.get(worst), ("pore_water",)
+    own = scene.pore_water.soils.get(worst)
+    path: tuple = ("pore_water",)
     if own is not None and (own.conductivity is not None or own.permeability is not None):
         path = ("pore_water", "soils", worst)
     key = "conductivity" if _soil(scene, worst).conductivity is not None else "permeability"

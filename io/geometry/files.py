@@ -63,7 +63,7 @@ def _table_problems(scene: SceneInput) -> Iterator[Problem]:
     raster, path = read_raster(table), ("pore_water", "phreatic_surface")
     bare = np.isnan(raster.level)
     if bare.any():
-        j, i = np.unravel_index(int(np.argmax(bare)), bare.shape)
+        j, i = divmod(int(np.argmax(bare)), bare.shape[1])
         message = f"has {int(bare.sum())} places without a value (NODATA), the first {_at(raster, raster.place(i, j))}"
         yield Problem(path, f"{message}; water needs a level everywhere: fill them, or cut the raster")
 
