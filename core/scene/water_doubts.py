@@ -95,8 +95,8 @@ def _strange_reach(water, scene, sim) -> list[str]:
     if distance <= max(_FAR * apart, 2.0 * scene.spacing):
         return []
     return [
-        f"pore_water.pressure: a point is {distance:.3g} m from the nearest place of {water.pressure.file}, and these are "
-        f"about {apart:.3g} m apart: its pressure is drawn on in a line; do the places reach over all bodies?"
+        f"pore_water.pressure: a point is {distance:.3g} m from the nearest place of {water.pressure.file}, and these "
+        f"are about {apart:.3g} m apart: its pressure is drawn on in a line; do the places reach over all bodies?"
     ]
 
 
