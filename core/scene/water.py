@@ -36,8 +36,8 @@ def build_water(scene, materials) -> PoreWater:
     if water.free_water is not None:
         free = FreeWater(_over_time(water.free_water.level), *_weight(scene))
     if water.drainage == "flowing":
-        rains = any(b.water is not None and b.water.rain is not None for b in scene.boundaries.values())
-        flowing = FlowingWater(pores, _profile(scene), free, _permeability(scene), rains)
+        passed = {b.water.kind for b in scene.boundaries.values() if b.water is not None}
+        flowing = FlowingWater(pores, _profile(scene), free, _permeability(scene), passed)
         if any(stage.type == "quasi_static" for stage in scene.stages):
             flowing.increments = Increments(flowing)
         return flowing
