@@ -2,7 +2,8 @@
 
     python -m benchmarks water_cost [--side 100]
 
-- Memory of the arrays of points, pairs and rows, for each point, dry and with flowing water.
+- Memory of the arrays of points, pairs and rows, for each point, dry and with flowing water, shut in or with a
+  boundary that it passes.
 - Processor time of steps of an elastic square that moves, with full pores, over that of the dry one; medians of
   interleaved runs at the same step. "Without flow" is what a flowing step takes besides its stages of diffusion.
 - A layer of side x side points that drains at its faces until T = 1 in a `quasi_static` stage: processor time,
@@ -35,7 +36,7 @@ KINDS = {  # name -> pore water; the conductivities take an explicit step, and s
 _IN_AN_ITERATION = [name for name in roofline.FLOPS if name != "material"]
 
 
-def square(side, water):
+def square(side, water, boundaries=None):
     """A square of elastic soil that moves freely, started."""
     stage = {"name": "motion", "type": "dynamics", "duration": STEPS * STEP / side}
     scene = {
@@ -43,7 +44,7 @@ def square(side, water):
         "bodies": [{"name": "square", "material": "soil", "velocity": [1.0, 0.0],
                     "shape": {"type": "box", "lower": [0.0, 0.0], "upper": [1.0, 1.0]}}],
         "stages": [stage],
-    } | ({} if water is None else {"pore_water": water})  # fmt: skip
+    } | ({} if water is None else {"pore_water": water, "boundaries": boundaries or {}})  # fmt: skip
     sim = build(parse_scene(scene), MPI.COMM_SELF)
     sim.start()
     return sim
@@ -74,8 +75,10 @@ def main(words=None):
     arguments = parser.parse_args(words)
     side = arguments.side
     dry, undrained, flowing = (memory(square(side, KINDS[name])) for name in ("dry", "undrained", "flowing, a step"))
+    drain = {"drain": {"where": {"body": "square"}, "water": {"pressure": 0}}}
+    passed = memory(square(side, KINDS["flowing, a step"], drain))
     print(f"memory: {dry:.0f} bytes a point dry, {undrained / dry:.3f} times that undrained, {flowing / dry:.3f} "
-          "flowing\n")  # fmt: skip
+          f"flowing, {passed / dry:.3f} with a boundary that it passes\n")  # fmt: skip
     print("| water | step over the dry one |\n|---|---|")
     ratios = {name: [] for name in KINDS}
     for number in range(arguments.repeats + 1):

@@ -36,8 +36,8 @@ def build_water(scene, materials) -> PoreWater:
     if water.free_water is not None:
         free = FreeWater(_over_time(water.free_water.level), *_weight(scene))
     if water.drainage == "flowing":
-        rains = any(b.water is not None and b.water.rain is not None for b in scene.boundaries.values())
-        flowing = FlowingWater(pores, _profile(scene), free, _permeability(scene), rains)
+        passed = {b.water.kind for b in scene.boundaries.values() if b.water is not None}
+        flowing = FlowingWater(pores, _profile(scene), free, _permeability(scene), passed)
         if any(stage.type == "quasi_static" for stage in scene.stages):
             flowing.increments = Increments(flowing)
         return flowing
@@ -81,7 +81,8 @@ def refuse_hasty_flow(scene, sim, water: FlowingWater) -> None:
     if water.stages_within(p, water.network(p), sim.dt) <= MOST_STAGES:
         return
     worst = list(scene.materials)[int(np.argmax(water.permeability.mobility))]
-    own, path = scene.pore_water.soils.get(worst), ("pore_water",)
+    own = scene.pore_water.soils.get(worst)
+    path: tuple = ("pore_water",)
     if own is not None and (own.conductivity is not None or own.permeability is not None):
         path = ("pore_water", "soils", worst)
     key = "conductivity" if _soil(scene, worst).conductivity is not None else "permeability"

@@ -60,7 +60,7 @@ def _strange_table(scene, sim) -> list[str]:
     """A remark on a table above all soil without free water there, and on one below which all soil is full."""
     water, doubts, extent = scene.pore_water, [], sim.extent
     if water.pressure is not None:
-        return _strange_reach(water.pressure, scene, sim)
+        return _strange_reach(relative(scene, sim.origin).pore_water, scene, sim)
     if water.suction is not None:
         return []
     table = _highest(water, extent.up)
@@ -87,16 +87,16 @@ def _highest(water, up) -> float:
     return max(float(np.array(point) @ up) for point in water.phreatic_line)
 
 
-def _strange_reach(model, scene, sim) -> list[str]:
-    """A remark on points that are far from all places whose pressure is known."""
+def _strange_reach(water, scene, sim) -> list[str]:
+    """A remark on points that are far from all places whose pressure is known, counted from the scene's origin."""
     p = sim.particles
-    distance, apart = farthest(relative(scene, sim.origin).pore_water.pressure, p.position[: p.owned])
+    distance, apart = farthest(water.pressure, p.position[: p.owned])
     distance = maximum(sim.comm, distance)
     if distance <= max(_FAR * apart, 2.0 * scene.spacing):
         return []
     return [
-        f"pore_water.pressure: a point is {distance:.3g} m from the nearest place of {model.file}, and these are about "
-        f"{apart:.3g} m apart: its pressure is drawn on in a line; do the places reach over all bodies?"
+        f"pore_water.pressure: a point is {distance:.3g} m from the nearest place of {water.pressure.file}, and these "
+        f"are about {apart:.3g} m apart: its pressure is drawn on in a line; do the places reach over all bodies?"
     ]
 
 

@@ -32,19 +32,18 @@ _MOST_FITTED = 1.25  # factor of them in a turn
 _FLOOR = 1e-9  # of W, on the diagonal: directions in which there is no pair do not count
 
 
-def fields(dimension: int) -> tuple[Field, ...]:
-    """What points need for it."""
+def fields(dimension: int, faces: bool) -> tuple[Field, ...]:
+    """What points need for it; with `faces`, they keep those through which water may go."""
     shape = dimension * (dimension + 1) // 2
-    return (
-        # W, Lambda; W is 0 of points without regular company
-        Field("conduction", 1 + shape, "m^3, 1/m^3", axes=(*scalars(1), *symmetric(dimension))),
-        # outward area vector A of its face, and sum a xi (x) xi of stretched xi; zeros of points inside
-        Field("outer_face", dimension + shape, "m^2, m^3", sent=False),
-    )
+    # W, Lambda; W is 0 of points without regular company
+    conduction = Field("conduction", 1 + shape, "m^3, 1/m^3", axes=(*scalars(1), *symmetric(dimension)))
+    # outward area vector A of its face, and sum a xi (x) xi of stretched xi; zeros of points inside
+    face = Field("outer_face", dimension + shape, "m^2, m^3", sent=False)
+    return (conduction, face) if faces else (conduction,)
 
 
 def find_conduction(p, pairs, halo, factors) -> None:
-    """Find `conduction` of all points and `outer_face` of the owned ones from the present positions.
+    """Find `conduction` of all points, and `outer_face` of the owned ones if they keep it, from the present positions.
 
     `factors` (d,) are what water flows more easily by along the axes.
     """
@@ -61,16 +60,17 @@ def find_conduction(p, pairs, halo, factors) -> None:
     unit = 2.0 * (np.arange(k) < d)
     solved = np.linalg.solve(matrix, np.broadcast_to(unit[:, None], (n, k, 1)))[:, :, 0]
     p.conduction[:n, 0], p.conduction[:n, 1:] = whole * regular, solved * regular[:, None]
+    face = p.outer_face if "outer_face" in p.fields else np.zeros((n, d + k))
     for turn in range(1 + _TURNS):
         halo.update(p, "conduction")
         directions = np.zeros((p.total, d + k))
         _sum_directions(
             pairs.first, pairs.second, pairs.weight, place, p.volume, p.conduction, directions, p.dim
         )  # fmt: skip
-        _find_faces(n, p.volume, factors, directions, p.outer_face, p.dim)
+        _find_faces(n, p.volume, factors, directions, face, p.dim)
         if turn < _TURNS:
-            _fit_surface(n, p.volume, p.outer_face, p.conduction, p.dim)
-    p.outer_face[:, :d] /= np.sqrt(factors)
+            _fit_surface(n, p.volume, face, p.conduction, p.dim)
+    face[:, :d] /= np.sqrt(factors)
 
 
 def stretched(position, factors) -> np.ndarray:

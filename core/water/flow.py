@@ -7,6 +7,7 @@ flows by explicit stages of second order whose stability grows with the square o
 Aslam 2014). They need no inner products, so the bits are the same on any number of ranks.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,22 +61,23 @@ class FlowingWater(UndrainedWater):
     """Water that flows. In relaxation, which takes all the time in the world, it keeps its pressure.
 
     Point fields besides those of water that stays: `exchanged_water` (n, 4|5), what the point held at the start, m^3,
-    what flow to and from it has dissipated, J, what has come in and left through boundaries, m^3, and, if in the scene
-    it `rains`, what of that has run off.
+    what flow to and from it has dissipated, J, what has come in and left through boundaries, m^3, and, where it may
+    rain, what of that has run off.
     """
 
     stays = False
 
-    def __init__(self, pores, profile, free, permeability: Permeability, rains: bool):
+    def __init__(self, pores, profile, free, permeability: Permeability, passed: Collection[str] = ()):
+        """`passed` are the kinds of the boundaries through which water may go."""
         super().__init__(pores, profile, free, permeability.gravity)
         self.permeability = permeability
-        self.sums = 5 if rains else 4
+        self.passes, self.sums = bool(passed), 5 if "rain" in passed else 4
         self.increments: Increments | None = None  # of quasi-static stages
 
     def attach(self, sim) -> None:
         """Declare the point fields."""
         super().attach(sim)
-        for field in conductance.fields(sim.particles.dimension):
+        for field in conductance.fields(sim.particles.dimension, self.passes):
             sim.particles.add_field(field)
         sim.particles.add_field(Field("exchanged_water", self.sums, "m^3, J", sent=False))
         if self.increments is not None:

@@ -270,7 +270,7 @@ class UndrainedWater(PoreWater):
         """What the water of the owned points stores by pressure and suction, (n,) J, see `stored_energy`."""
         return stored_energy(
             p.material[: p.owned], self.pores.bulk_modulus, self.curves, p.pore_pressure, p.porosity, p.pore_dilation,
-            p.volume,
+            p.volume[: p.owned],
         )  # fmt: skip
 
     def _stiffness(self, block) -> np.ndarray:

@@ -147,7 +147,7 @@ def _references(scene: SceneInput, bodies: list[str], stages: list[str]) -> Iter
         yield ("bodies", k, "material"), body.material, "material", scene.materials
         for n, layer in enumerate(body.layers):
             yield ("bodies", k, "layers", n, "material"), layer.material, "material", scene.materials
-    named = [name for contact in scene.contacts if (name := getattr(contact, "name", None)) is not None]
+    named = [told for contact in scene.contacts if (told := getattr(contact, "name", None)) is not None]
     for name, boundary in scene.boundaries.items():
         if boundary.water is not None and boundary.water.obstacle is not None:
             yield ("boundaries", name, "water", "obstacle"), boundary.water.obstacle, "named obstacle", named

@@ -55,18 +55,20 @@ def column(scheme="bond_projected", **keys):
 
 
 def wet_column():
-    """The same of wet clay, whose water flows, while it rains on the column."""
+    """The same of wet clay, whose water flows, while it rains on the column and the stone that falls on it drinks."""
     water = {"suction": 2e3, "retention": {"set": "fitted"}, "drainage": "flowing", "conductivity": 1e-3,
-             "bulk_modulus": 1e6}  # fmt: skip
+             "bulk_modulus": 1e6, "bishop": {"air_entry": 1e3}}  # fmt: skip
     scene = column({"scheme": "point_state", "sharpened": True, "regular": True}, pore_water=water)
     scene["boundaries"]["sky"] = {"where": {"lower": [None, 0.13]}, "water": {"rain": 5e-3}}
-    scene["stages"][1]["boundaries"] = ["sky"]
+    scene["boundaries"]["sponge"] = {"where": {"body": "column"}, "water": {"pressure": -3e3, "obstacle": "stone"}}
+    scene["stages"][1]["boundaries"] = ["sky", "sponge"]
     return scene
 
 
 def waiting_column():
     """Wet clay of a heap settles for minutes under rain and its own weight, then moves."""
     scene = wet_column()
+    del scene["boundaries"]["sponge"]
     scene["materials"] = {"clay": CLAY | {"overconsolidation_ratio": 3.0}}
     wait = {"name": "wait", "type": "quasi_static", "duration": 20.0, "accuracy": 0.1, "tolerance": 0.01,
             "boundaries": ["left", "right", "sky"]}  # fmt: skip

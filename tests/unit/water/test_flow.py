@@ -17,6 +17,8 @@ GAMMA, SPEED = 9810.0, 1e-3
 FLOWING = {"suction": 0, "drainage": "flowing", "porosity": 0.4, "bulk_modulus": 1e7, "conductivity": SPEED}
 EVERYWHERE = {"where": {"body": "block"}, "fix": ["x", "y"]}
 
+OPEN = {"drain": {"where": {"body": "block"}, "water": {"pressure": 0}}}
+
 
 def held(scene_of, water, boundaries, *, counts=(3, 20), duration=1.0, step=0.01, **keys):
     """A scene of water that flows in a block whose grains stand still."""
@@ -75,7 +77,7 @@ def test_layered_soil_conducts_by_its_axes(factors, scene_of, started):
     """Second moments are the tensor of the factors, none is negative, and faces are as large as they were."""
     d = len(factors)
     sim = started(scene_of(d, (14, 14) if d == 2 else (9, 9, 9), materials=SAND, contacts=[],
-                           pore_water=FLOWING | {"anisotropy": factors}))  # fmt: skip
+                           pore_water=FLOWING | {"anisotropy": factors}, boundaries=OPEN))  # fmt: skip
     moments, a = second_moments(sim, factors)
     p = sim.particles
     middle = 0.5 * (p.position.min(axis=0) + p.position.max(axis=0))
@@ -121,7 +123,7 @@ def test_compressed_points_conduct_as_before(scene_of, started):
 
 def test_faces_of_the_surface(scene_of, started):
     """Area vectors point outwards, are as long as the cells' faces, half a spacing away, and sum up to nothing."""
-    sim = started(scene_of(counts=(8, 8), materials=SAND, contacts=[], pore_water=FLOWING))
+    sim = started(scene_of(counts=(8, 8), materials=SAND, contacts=[], pore_water=FLOWING, boundaries=OPEN))
     p, face = sim.particles, sim.particles.outer_face
     top = (p.position[:, 1] > 0.07) & (np.abs(p.position[:, 0]) < 0.02)
     assert face[top, 1] == pytest.approx(0.01, rel=0.02) and np.abs(face[top, 0]).max() < 1e-5
