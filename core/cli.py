@@ -16,6 +16,8 @@ TOOLS = {  # word -> module with add_arguments and run, and what it does
     "export": ("periporo.io.output.export", "export a result file to VTU and CSV"),
     "raster": ("periporo.io.output.rasters", "write depth, speed and arrival of a landslide as rasters"),
     "surface": ("periporo.io.pictures.surface", "write what an obstacle bears along its surface: table, picture"),
+    "profile": ("periporo.io.output.profile_command", "write a field along a line as a table"),
+    "section": ("periporo.io.pictures.section", "draw an upright section of a result in space"),
     "report": ("periporo.io.pictures.report", "make one HTML page of a result file"),
     "new": ("periporo.io.input.examples", "list the example scenes, or write one to begin with"),
     "schema": ("periporo.io.schema.reference", "print the JSON Schema of scenes for editors, or the input reference"),

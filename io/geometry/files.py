@@ -8,6 +8,7 @@ import numpy as np
 from periporo.errors import Path, Problem, place_text
 from periporo.io.geometry.lattice import CHUNK, Lattice
 from periporo.io.geometry.layers import Layer, layer_of
+from periporo.io.geometry.meshes import Mesh as Surface
 from periporo.io.geometry.meshes import read_mesh
 from periporo.io.geometry.points import PointFileError, read_points
 from periporo.io.geometry.rasters import GroundFileError, Raster, read_raster
@@ -17,6 +18,8 @@ from periporo.io.schema.bodies import Raster as RasterShape
 from periporo.io.schema.ground import RasterFile
 from periporo.io.schema.obstacles import MAX_FRICTION, TerrainContact
 from periporo.io.schema.scene import SceneInput
+
+_APART = 10.0  # sizes of a surface from all bodies, beyond which it cannot be meant
 
 
 def file_problems(scene: SceneInput) -> Iterator[Problem]:
@@ -114,8 +117,13 @@ def _at(raster: Raster, place) -> str:
 def ground_problems(scene: SceneInput, lattices: list[Lattice], origin: np.ndarray) -> Iterator[Problem]:
     """Soil that no ground is under, and release surfaces that cross themselves; `scene` is relative to `origin`."""
     for k, contact in enumerate(scene.contacts):
-        if isinstance(contact, TerrainContact) and not contact.ground.is_mesh:
-            yield from _uncovered(("contacts", k, "ground"), read_raster(contact.ground), lattices, origin)
+        if not isinstance(contact, TerrainContact):
+            continue
+        path: Path = ("contacts", k, "ground")
+        if contact.ground.is_mesh:
+            yield from _elsewhere(path, read_mesh(contact.ground.file, contact.ground._origin), lattices, origin)
+        else:
+            yield from _uncovered(path, read_raster(contact.ground), lattices, origin)
     for k, lattice in enumerate(lattices):
         shape = lattice.body.shape
         if isinstance(shape, Mesh):
@@ -128,6 +136,23 @@ def ground_problems(scene: SceneInput, lattices: list[Lattice], origin: np.ndarr
                     at = place_text(places[int(np.argmax(bad))], origin, 4)
                     yield Problem(("bodies", k, "shape", "file"), f"the surface crosses itself around ({at}); mend it")
                     break
+
+
+def _elsewhere(path: Path, mesh: Surface, lattices: list[Lattice], origin) -> Iterator[Problem]:
+    """A remark on a surface that is much farther from all bodies than it is large."""
+    corners = mesh.tree.corners
+    lower, upper = corners.min(axis=0), corners.max(axis=0)
+    size = float(np.linalg.norm(upper - lower))
+    away = [np.maximum(np.maximum(body.lower - upper, lower - body.upper), 0.0) for body in lattices]
+    nearest = int(np.argmin([np.linalg.norm(way) for way in away]))
+    distance = float(np.linalg.norm(away[nearest]))
+    if distance > _APART * max(size, lattices[nearest].spacing):
+        middle = place_text(0.5 * (lower + upper), origin, 6)
+        yield Problem(
+            path,
+            f"the surface around ({middle}) is {distance:.4g} m from the body '{lattices[nearest].body.name}' and only "
+            f"{size:.4g} m large: they are not in the same coordinates",
+        )
 
 
 def _uncovered(path: Path, ground: Raster, lattices: list[Lattice], origin) -> Iterator[Problem]:

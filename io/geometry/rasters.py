@@ -216,6 +216,8 @@ def _from_rasterio(path: Path) -> Raster:
         raise GroundFileError("GeoTIFF needs rasterio (pip install 'periporo[terrain]'); or use .asc") from None
     try:
         with rasterio.open(path) as file:
+            if file.count != 1:
+                raise GroundFileError(f"it has {file.count} bands; take the right one with gdal_translate -b")
             level, at, crs = file.read(1, masked=True), file.transform, file.crs
     except rasterio.errors.RasterioError as error:
         raise GroundFileError(f"it cannot be read: {error}") from None

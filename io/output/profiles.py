@@ -3,11 +3,12 @@
 import numpy as np
 
 _REACH = 1.5  # spacings, within which points have a say at a place
-_SOIL = 0.75  # spacings from the nearest point, beyond which there is no soil
+_SOIL = 0.53  # of the diagonal of a cell from the nearest point, beyond which there is no soil
 
 
 def along_line(
-    positions: np.ndarray, values: np.ndarray, start: np.ndarray, end: np.ndarray, spacing: float, count: int
+    positions: np.ndarray, values: np.ndarray, start: np.ndarray, end: np.ndarray, spacing: float, count: int,
+    dimension: int,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Distances (count,) m from `start` to `end`, (3,) m each, and there the `values` (n, ...) of points.
 
@@ -16,11 +17,12 @@ def along_line(
     line = np.asarray(end, float) - start
     part = np.linspace(0.0, 1.0, count)
     found = np.full((count, *values.shape[1:]), np.nan)
+    farthest = _SOIL * np.sqrt(dimension) * spacing
     for k, place in enumerate(start + part[:, None] * line):
         way = positions - place
         length = np.sqrt((way**2).sum(axis=1))
         near = length < _REACH * spacing
-        if not length.min(initial=np.inf) <= _SOIL * spacing:
+        if not length.min(initial=np.inf) <= farthest:
             continue
         weight = (1.0 - length[near] / (_REACH * spacing)) ** 2
         weight /= weight.sum()

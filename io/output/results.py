@@ -146,7 +146,8 @@ class Results:
             raise ResultError(f"a line begins and ends at {self.dimension} coordinates each, not {ends.shape[1]}")
         first, last = np.pad(ends, ((0, 0), (0, 3 - self.dimension)))
         places, values = self.positions(step, time=time), self.field(name, step, time=time)
-        return along_line(places, values, first, last, float(self.configuration["spacing"]), count)
+        spacing = float(self.configuration["spacing"])
+        return along_line(places, values, first, last, spacing, count, self.dimension)
 
     def obstacles(self, step: int = -1, *, time: float | None = None) -> list[tuple[int, int, np.ndarray]]:
         """Obstacles as they are drawn: number among the contacts, VTK's kind of cell, and corners (k, 3) m of each."""

@@ -137,6 +137,18 @@ def test_ground_must_reach_under_all_soil(tmp_path):
         parse_scene(scene | {"bodies": bodies, "contacts": terrain}, tmp_path)
 
 
+def test_a_surface_and_soil_in_different_coordinates_are_told(tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.Trimesh([[0, 0, 0], [50, 0, 0], [50, 40, 0], [0, 40, 0]], [[0, 1, 2], [0, 2, 3]]).export(tmp_path / "g.ply")
+    contacts = [{"type": "terrain", "ground": "g.ply", "friction": 0.4}]
+    scene_of(tmp_path, contacts=contacts)
+    with pytest.raises(InputError) as caught:
+        scene_of(tmp_path, corner=(500000.0, 4000000.0), contacts=contacts)
+    (problem,) = caught.value.problems
+    assert problem.path == ("contacts", 0, "ground")
+    assert "around (25, 20, 0) is 4.031e+06 m from the body 'slide' and only 64.03 m large" in problem.message
+
+
 def test_heights_are_along_z(tmp_path):
     with pytest.raises(InputError, match=r"(?s)rasters and terrains need gravity against z"):
         scene_of(tmp_path, gravity=[1.0, 0.0, -9.0])

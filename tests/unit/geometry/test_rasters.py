@@ -62,6 +62,10 @@ def test_geotiff_means_the_same_as_the_esri_grid(tmp_path):
         read(tmp_path / "b.tif")
     with pytest.raises(GroundFileError, match="foot"):
         read(tmp_path / "c.tif")
+    with rasterio.open(tmp_path / "d.tif", "w", **options | {"count": 3}):
+        pass
+    with pytest.raises(GroundFileError, match="it has 3 bands"):
+        read(tmp_path / "d.tif")
 
 
 def test_degrees_are_known_by_their_slopes_or_by_what_lies_beside(tmp_path):
