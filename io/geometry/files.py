@@ -14,7 +14,7 @@ from periporo.io.geometry.rasters import GroundFileError, Raster, read_raster
 from periporo.io.geometry.shapes import surface
 from periporo.io.schema.bodies import Mesh, Points
 from periporo.io.schema.bodies import Raster as RasterShape
-from periporo.io.schema.obstacles import TerrainContact
+from periporo.io.schema.obstacles import MeshContact, TerrainContact
 from periporo.io.schema.scene import SceneInput
 
 
@@ -46,6 +46,8 @@ def _readings(scene: SceneInput) -> Iterator[tuple[Path, Callable[[], object]]]:
                     if model is not None:
                         yield (*path, name), partial(read_raster, model)
     for k, contact in enumerate(scene.contacts):
+        if isinstance(contact, MeshContact):
+            yield ("contacts", k, "file"), partial(read_mesh, contact.file, closed=True)
         if isinstance(contact, TerrainContact):
             ground = contact.ground
             read = partial(read_mesh, ground.file) if ground.is_mesh else partial(read_raster, ground)

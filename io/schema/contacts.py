@@ -27,6 +27,7 @@ from periporo.io.schema.obstacles import (
     ContactModel,
     CylinderContact,
     DiscContact,
+    MeshContact,
     PlaneContact,
     PolylineContact,
     SphereContact,
@@ -198,6 +199,7 @@ Contact = Annotated[
     | SphereContact
     | WedgeContact
     | ConeContact
+    | MeshContact
     | PolylineContact
     | TerrainContact
     | BodiesContact
