@@ -86,6 +86,16 @@ def revolved(base: np.ndarray, axis: int, profile: np.ndarray) -> Solid:
                  float(min(2.0 * profile[:, 0].max(), np.ptp(profile[:, 1]))))  # fmt: skip
 
 
+def enclosed(corners: np.ndarray, triangles: np.ndarray) -> Solid:
+    """What a closed surface of triangles (m, 3) between corners (n, 3) m is around; the hull of it touches others."""
+    import trimesh
+
+    surface = trimesh.Trimesh(corners, triangles, process=False)
+    found, hull = surface.mass_properties, surface.convex_hull.vertices
+    size = float(np.ptp(corners, axis=0).min())
+    return Solid(float(found.volume), np.array(found.center_mass), np.array(found.inertia), np.array(hull), size)
+
+
 def _rims(base, axis, profile):
     """Places around the edges of a solid of revolution."""
     angle = np.linspace(0.0, 2.0 * np.pi, _RIM, endpoint=False)

@@ -40,6 +40,9 @@ def build_constructions(scene, sim, lattices, maker) -> None:
         placed = [names.index(name) for name in stage.place]
         new = np.concatenate([np.empty(0, np.int64), *(_ids(lattices[number]) for number in placed)])
         present = np.sort(np.concatenate([present, new]))
+        if not len(present):
+            problems.append(Problem(("stages", k, "remove"), "takes all points away: leave some, or end before it"))
+            break
         if stage.remove or stage.place or stage.change:
             arrive = _arrival(maker, placed) if placed else None
             sim.stages[k].construction = Construction(removed, arrive, ", ".join(stage.place), new, *changes)

@@ -11,7 +11,7 @@ from periporo.io.geometry.rasters import Raster, forget_rasters, keep_raster, re
 from periporo.io.schema.bodies import Mesh as MeshShape
 from periporo.io.schema.bodies import Raster as RasterShape
 from periporo.io.schema.ground import RasterFile
-from periporo.io.schema.obstacles import TerrainContact
+from periporo.io.schema.obstacles import MeshContact, TerrainContact
 
 
 def share_grounds(scene, comm) -> None:
@@ -52,6 +52,8 @@ def _files(scene) -> tuple[list[RasterFile], list[tuple[str, tuple[float, ...]]]
         elif isinstance(body.shape, MeshShape):
             meshes.append((body.shape.file, body.shape._origin))
     for contact in scene.contacts:
+        if isinstance(contact, MeshContact):
+            meshes.append((contact.file, contact._origin))
         if isinstance(contact, TerrainContact):
             if contact.ground.is_mesh:
                 meshes.append((contact.ground.file, contact.ground._origin))

@@ -72,6 +72,9 @@ def surface_of(model, sim) -> surfaces.Surface:
             return surfaces.Polyline(np.concatenate([corners[::-1], corners[-1:]]))  # clockwise: points stay outside
         case "cone":
             return surfaces.Cone(model.tip, _profile(model))
+        case "mesh":
+            reach = 0.5 * sim.spacing
+            return TriangleSurface(read_mesh(model.file, model._origin).tree, reach=reach, within=FAR * reach)
         case "terrain":
             reach, ground = 0.5 * sim.spacing, model.ground
             near = {"reach": reach, "within": FAR * reach}
@@ -97,6 +100,9 @@ def solid_of(model, dimension: int) -> solids.Solid:
             return solids.polygon(np.array(model.tip) + _corners(model))
         case "cone":
             return solids.revolved(np.array(model.tip), 2, _profile(model))
+        case "mesh":
+            tree = read_mesh(model.file, model._origin).tree
+            return solids.enclosed(np.array(tree.corners), np.array(tree.triangles))
         case other:
             raise ValueError(f"a contact of type '{other}' has no mass")
 

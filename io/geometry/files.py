@@ -16,7 +16,7 @@ from periporo.io.geometry.shapes import surface
 from periporo.io.schema.bodies import Mesh, Points
 from periporo.io.schema.bodies import Raster as RasterShape
 from periporo.io.schema.ground import RasterFile
-from periporo.io.schema.obstacles import MAX_FRICTION, TerrainContact
+from periporo.io.schema.obstacles import MAX_FRICTION, MeshContact, TerrainContact
 from periporo.io.schema.scene import SceneInput
 
 _APART = 10.0  # sizes of a surface from all bodies, beyond which it cannot be meant
@@ -51,6 +51,8 @@ def _readings(scene: SceneInput) -> Iterator[tuple[Path, Callable[[], object]]]:
                     if model is not None:
                         yield (*path, name), partial(read_raster, model)
     for k, contact in enumerate(scene.contacts):
+        if isinstance(contact, MeshContact):
+            yield ("contacts", k, "file"), partial(read_mesh, contact.file, closed=True)
         if isinstance(contact, TerrainContact):
             ground = contact.ground
             read = partial(read_mesh, ground.file) if ground.is_mesh else partial(read_raster, ground)

@@ -27,6 +27,7 @@ from periporo.io.schema.obstacles import (
     ContactModel,
     CylinderContact,
     DiscContact,
+    MeshContact,
     PlaneContact,
     PolylineContact,
     SphereContact,
@@ -207,6 +208,7 @@ Contact = Annotated[
     | SphereContact
     | WedgeContact
     | ConeContact
+    | MeshContact
     | PolylineContact
     | TerrainContact
     | BodiesContact

@@ -3,7 +3,7 @@
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
 
 from periporo.io.schema.base import (
     MAX_LENGTH,
@@ -20,7 +20,7 @@ from periporo.io.schema.base import (
     key,
 )
 from periporo.io.schema.bodies import PlanePoint
-from periporo.io.schema.ground import Ground, RasterFile, Values
+from periporo.io.schema.ground import Ground, MeshName, RasterFile, Values
 
 MAX_STIFFNESS = 1e20
 MAX_FRICTION = 10.0
@@ -183,6 +183,14 @@ class SphereContact(Solid):
     type: Literal["sphere"] = key("kind of contact")
     center: Position = key("centre", "m", vector=True, place="point")
     radius: Real = key("radius", "m", gt=0, le=MAX_LENGTH)
+
+
+class MeshContact(Solid):
+    """The inside of a closed surface of triangles (3D), from a file: .stl, .ply or .obj (needs trimesh)."""
+
+    type: Literal["mesh"] = key("kind of contact")
+    file: MeshName = key("file name, relative to the scene's folder")
+    _origin: tuple[float, ...] = PrivateAttr(default=())
 
 
 class _Pointed(Solid):

@@ -2,8 +2,14 @@
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
+from periporo.contact.solids import block
 from periporo.contact.surfaces import Box, Cylinder, Disc, Plane, Polyline
+from periporo.core.scene.build import build
+from periporo.core.scene.obstacles import solid_of
+from periporo.errors import InputError
+from periporo.io.input.load import parse_scene
 
 CLOCKWISE = [[0, 0], [0, 2], [1, 2], [3, 0], [0, 0]]
 TERRAIN = [[-1.0, 0.5], [0.0, 0.0], [1.0, 0.0], [1.5, 1.0], [3.0, 0.4]]
@@ -103,3 +109,37 @@ def cells_size(points, cells):
         spokes = corners[1:] - corners[0]
         total += 0.5 * np.linalg.norm(np.cross(spokes[:-1], spokes[1:]).sum(axis=0)) if len(corners) > 2 else 0.0
     return total
+
+
+def test_a_closed_surface_of_triangles_is_the_solid_that_it_is_around(tmp_path):
+    """A box from a file: the same gap and the same mass, centre and inertia; an open one is told."""
+    trimesh = pytest.importorskip("trimesh")
+    lower, upper = np.array([1.0, 0.0, 2.0]), np.array([2.0, 3.0, 2.5])
+    surface = trimesh.creation.box(bounds=[lower, upper])
+    surface.export(tmp_path / "box.obj")
+    surface.update_faces(np.arange(11))
+    surface.export(tmp_path / "open.obj")
+    soil = {"model": "elastic", "density": 2000.0, "bulk_modulus": 40e6, "shear_modulus": 20e6}
+    scene = {
+        "dimension": 3, "spacing": 0.25, "gravity": [0, 0, -10.0], "materials": {"soil": soil},
+        "bodies": [{"name": "b", "material": "soil",
+                    "shape": {"type": "box", "lower": [0, 0, 0], "upper": [3, 3, 1]}}],
+        "contacts": [{"type": "mesh", "name": "stone", "file": "box.obj", "friction": 0.5,
+                      "free": {"density": 2600.0}}],
+        "stages": [{"name": "fall", "type": "dynamics", "duration": 0.2}],
+    }  # fmt: skip
+    sim = build(parse_scene(scene, tmp_path), MPI.COMM_SELF)
+    stone = sim.stages[0].contacts[0]
+    same = block(lower, upper)
+    found = solid_of(parse_scene(scene, tmp_path).contacts[0], 3)
+    assert found.volume == pytest.approx(same.volume) and found.centre == pytest.approx(same.centre)
+    assert found.inertia == pytest.approx(same.inertia, abs=1e-12) and found.size == same.size
+    assert sorted(map(tuple, found.places)) == sorted(map(tuple, same.places))
+    places = np.random.default_rng(2).uniform([0.7, -0.3, 1.7], [2.3, 3.3, 2.8], (200, 3))
+    outside = ((places < lower) | (places > upper)).any(axis=1)
+    gap, _ = stone.surface.gap(places)
+    assert gap[outside] == pytest.approx(Box(lower, upper).gap(places)[0][outside])
+    assert (gap[~outside] < 0.0).all() and stone.motion.mass == pytest.approx(2600.0 * 1.5)
+    scene["contacts"][0]["file"] = "open.obj"
+    with pytest.raises(InputError, match=r"contacts\[0\].file: the surface is open: an edge at"):
+        parse_scene(scene, tmp_path)

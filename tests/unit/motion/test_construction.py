@@ -171,6 +171,11 @@ def test_changes_of_what_is_not_there_are_refused(change, message):
         Simulation.from_scene(scene([SETTLE | {"change": [change]}]))
 
 
+def test_a_stage_that_removes_all_is_refused():
+    with pytest.raises(InputError, match=r"stages\[1\].remove: takes all points away"):
+        Simulation.from_scene(scene([SETTLE, DIG | {"remove": [{"lower": [None, None], "upper": [9, 9]}]}]))
+
+
 def test_factors_without_gravity_are_refused():
     data = scene([SETTLE | {"gravity_factor": 0.5}])
     del data["gravity"], data["initial_stress"]

@@ -1,0 +1,9 @@
+"""Factors of safety, small: `python -m benchmarks factor_of_safety` has more cases and points."""
+
+import pytest
+
+from benchmarks import factor_of_safety
+
+
+def test_a_slope_has_the_factor_of_slices():
+    assert factor_of_safety.search("slope", 8) == pytest.approx(factor_of_safety.EXACT["slope"], rel=0.1)
