@@ -15,7 +15,7 @@ from periporo.materials import registry
 def material_problems(data: Any, folder: FilePath) -> list[Problem]:
     """What the laws that a scene's raw `data` name find wrong with their parameters; files lie relative to `folder`."""
     materials = data.get("materials") if isinstance(data, dict) else None
-    problems = []
+    problems: list[Problem] = []
     for name, entry in materials.items() if isinstance(materials, dict) else ():
         if isinstance(entry, dict) and isinstance(entry.get("model"), str):
             path = ("materials", name)
@@ -24,9 +24,13 @@ def material_problems(data: Any, folder: FilePath) -> list[Problem]:
     return problems
 
 
-def _without_fields(path: Path, entry: dict[str, Any], folder: FilePath):
+def _without_fields(
+    path: Path, entry: dict[str, Any], folder: FilePath
+) -> tuple[dict[str, Any], list[str], list[Problem]]:
     """Parameters with a number in place of each field, where the fields have these, and what is wrong with them."""
-    parameters, places, problems = dict(entry), [], []
+    parameters: dict[str, Any] = dict(entry)
+    places: list[str] = []
+    problems: list[Problem] = []
     for name, value in entry.items():
         if not is_field(value):
             continue

@@ -57,24 +57,40 @@ def random_strains(rows, size, seed=1):
 @pytest.mark.parametrize("saturation", [0.0, 0.3, 0.9, 0.999, 1.0])
 @pytest.mark.parametrize("pressure", [0.0, 3e5])
 @pytest.mark.parametrize("water", ["logarithmic", "secant"])
-def test_pore_volume_balance(saturation, pressure, water):
-    """Air and water fill the pores that compaction leaves, whatever the path to it."""
+@pytest.mark.parametrize("fluids", [(2.21e9, 6.029, 1e-4, 1.4, 101325.0), (1.5e9, 5.0, 1e3, 1.2, 9e4)])
+def test_pore_volume_balance(saturation, pressure, water, fluids):
+    """Air and water fill the pores that compaction leaves, whatever the path to it, by the constants of the input."""
+    bulk, slope, reference, exponent, outside = fluids
     material = Arena(
-        **QUASISTATIC, initial_saturation=saturation, initial_fluid_pressure=pressure, water_strain=water
-    )
+        **QUASISTATIC, initial_saturation=saturation, initial_fluid_pressure=pressure, water_strain=water,
+        water_bulk_modulus=bulk, water_slope=slope, water_reference_pressure=reference, air_exponent=exponent,
+        atmospheric_pressure=outside,
+    )  # fmt: skip
     stress, state = strained(material, -0.05, 0.002, [-0.05, 0, 0.01, 0.02, 0, 0])
     evp, p = state[0, :2]
-    stiffness = 2.21e9 + 6.029 * (p - 1e-4)
-    start_stiffness = 2.21e9 + 6.029 * (pressure - 1e-4)
-    liquid = (stiffness / start_stiffness) ** (-1 / 6.029)
+    stiffness = bulk + slope * (p - reference)
+    start_stiffness = bulk + slope * (pressure - reference)
+    liquid = (stiffness / start_stiffness) ** (-1 / slope)
     if water == "secant":
         liquid = math.exp(-(p - pressure) / stiffness)
-    air = ((p + 101325) / (pressure + 101325)) ** (-1 / 1.4)
+    air = ((p + outside) / (pressure + outside)) ** (-1 / exponent)
     fluid = 0.4 * ((1 - saturation) * air + saturation * liquid)
     assert fluid == pytest.approx(math.exp(-evp) - 0.6, rel=1e-9)
     derived = material.derived_state(stress, state)
     assert derived["porosity"][0] == pytest.approx(1 - 0.6 * math.exp(evp), rel=1e-12)
     assert derived["saturation"][0] == pytest.approx(saturation * liquid * 0.4 / fluid, rel=1e-9)
+
+
+def test_the_grains_are_those_of_the_input():
+    """Loose dry soil has b0 of their bulk modulus K_s0 + n_s (p - p_s0) at little pressure (eqs 86, 88)."""
+    dry = {"initial_saturation": 0.0, "initial_porosity": 0.42} | QUASISTATIC
+    found = []
+    for grains in ((40e9, 4.0, 101325.0), (70e9, 0.0, 0.0), (70e9, 1e3, 1e7)):
+        keys = dict(zip(("grain_bulk_modulus", "grain_slope", "grain_reference_pressure"), grains, strict=True))
+        material, stress = Arena(**dry, **keys), np.array([[-1e-9, -1e-9, -1e-9, 0, 0, 0]])
+        state = material.initial_state(stress, np.zeros((1, 2), np.int64), np.ones(1))
+        found.append(material.elastic_moduli(stress, state)[0][0] / (grains[0] - grains[1] * grains[2]))
+    np.testing.assert_allclose(found, material.b0, rtol=1e-4)
 
 
 @pytest.mark.parametrize("p1_sat", [1.0, 0.4])
