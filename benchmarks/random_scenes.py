@@ -1,6 +1,6 @@
 """Small scenes drawn at random: no energy from nothing, momentum kept, no wall passed, nothing that hangs.
 
-    python -m benchmarks random_scenes [--scenes 200] [--first 0] [--folder DIR] [--again]
+    python -m benchmarks random_scenes [--scenes 300] [--first 0] [--folder DIR] [--again]
 
 Two to five bodies of all laws (the example plugin, too) and shapes in any scheme meet each other and obstacles of all
 kinds that move, come and go with the stages, under gravity, loads and damping; `library.random_scene` draws them. Of
@@ -231,7 +231,7 @@ def _rows(part, numbers, patience):
 def main(words=None):
     """Run what the table lacks, and sum up."""
     parser = option_parser(__name__, __doc__)
-    parser.add_argument("--scenes", type=int, default=200)
+    parser.add_argument("--scenes", type=int, default=300)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--folder", type=Path, default=Path(tempfile.gettempdir()) / "periporo-random-scenes")
     parser.add_argument("--table", type=Path, default=TABLE)
