@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 
+from periporo.core.bonds.bonds import RefusedStep
 from periporo.core.numerics import jit
 from periporo.core.scene.build import build, output_names
 from periporo.core.scene.doubts import doubts_about
@@ -30,7 +31,7 @@ def check_scene(path, comm) -> int:
         sim.start()
     doubts, fields = doubts_about(scene, sim), _fields(sim)
     sim.rate_independent = all(stage.type in STILL for stage in scene.stages)
-    seconds, ended = _try_steps(sim)
+    seconds, ended, refused = _try_steps(sim)
     points, pairs = comm.allreduce(sim.particles.owned), comm.allreduce(len(sim.bonds.pairs.first))
     slow = sum(stage.duration for stage in scene.stages if stage.type == "quasi_static")
     duration = sum(getattr(stage, "duration", 0.0) for stage in sim.stages) - slow
@@ -46,23 +47,25 @@ def check_scene(path, comm) -> int:
             *(("friction", line) for line in _friction(scene, sim.materials)),
             *(("field", line) for line in fields),
         ]
-        say("\n".join([f"{path}: valid", *_screen(facts, [*ended, *doubts])]))
+        say("\n".join([f"{path}: valid", *_screen(facts, [*ended, *refused, *doubts])]))
     return 3 if ended else 0
 
 
-def _try_steps(sim) -> tuple[float, list[str]]:
-    """Time of a step, s, over ranks; and what ends a run within the first ones, on all ranks alike."""
-    done, began, ended = 0, time.perf_counter(), []
+def _try_steps(sim) -> tuple[float, list[str], list[str]]:
+    """Time of a step, s, over ranks; what ends a run within the first ones; what laws refuse; the same on all ranks."""
+    done, began, ended, refused = 0, time.perf_counter(), [], []
     try:
         sim.step()  # measures the stable time step
         began = time.perf_counter()
         while done < _TRIALS:
             sim.step()
             done += 1
+    except RefusedStep as refusal:  # a run takes it back; what is left of the state is not looked at any more
+        refused = [f"a law refuses step {sim.step_number} ({refusal.reason}): a run tries half of it"]
     except ContactError as error:
         ended = [f"a run ends after {sim.step_number} steps: {error}"]
     seconds = (time.perf_counter() - began) / max(done, 1)
-    return sim.comm.allreduce(seconds) / sim.comm.size, ended
+    return sim.comm.allreduce(seconds) / sim.comm.size, ended, refused
 
 
 def _flow_and_motion(slow, duration, steps) -> list[tuple[str, str]]:

@@ -14,6 +14,7 @@ import yaml
 from mpi4py import MPI
 
 from periporo.core import cli
+from periporo.core.bonds.bonds import RefusedStep
 from periporo.core.numerics import jit
 from periporo.core.simulation import Simulation
 from periporo.errors import SCREEN_LINES, SCREEN_WIDTH, ContactError
@@ -147,6 +148,18 @@ def test_check_tells_what_ends_the_first_steps_first(call, scene, monkeypatch):
     status, out, error = call("check", scene())
     assert status == 3 and error == "" and "scene.yaml: valid" in out and "run time" in out
     assert "a run ends after 3 steps: contacts[0]: a point at (0, 0) has passed" in " ".join(out.split())
+
+
+def test_check_shows_its_screen_though_a_law_refuses_a_step(call, scene, monkeypatch):
+    """A run would take the step back and go on with half of it."""
+
+    def refuse(self):
+        raise RefusedStep("step 0: refused by Reluctant: too much", "Reluctant: too much", [])
+
+    monkeypatch.setattr(Simulation, "step", refuse)
+    status, out, _ = call("check", scene())
+    assert status == 0 and "points" in out
+    assert "doubtful      a law refuses step 0 (Reluctant: too much): a run tries half of it" in out
 
 
 def test_check_tells_flow_in_equilibrium_from_motion(call, scene_of, tmp_path):
