@@ -6,6 +6,7 @@ import pytest
 from periporo import Simulation
 from periporo.core.watch.strength import StabilityError
 from periporo.errors import InputError
+from periporo.materials.cam_clay import CamClay
 from periporo.materials.drucker_prager import DruckerPrager
 
 C = 20e3
@@ -43,13 +44,15 @@ def test_a_block_falls_when_its_strength_is_divided_by_the_factor():
     assert abs(entries["energy_residual"] - entries["integration_term"]) < 1e-9 * abs(entries["external_work"])
 
 
-def test_soil_that_does_not_stand_or_cannot_fall_is_told():
+def test_soil_that_does_not_stand_or_cannot_fall_is_told(monkeypatch):
     with pytest.raises(StabilityError, match="does not stand as it is"):
         block(cohesion=0.2 * C).run()
     with pytest.raises(StabilityError, match="stands with its strength divided by 1.1"):
         block(cohesion=10.0 * C, largest=1.1).run()
     with pytest.raises(InputError, match="needs viscous damping"):
         block(damping={"viscous": 0.0})
+    block(law=OTHER)
+    monkeypatch.delattr(CamClay, "weakened")
     with pytest.raises(InputError, match="does not say how its strength is reduced"):
         block(law=OTHER)
 
