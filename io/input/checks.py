@@ -226,13 +226,13 @@ def _construction_problems(scene: SceneInput) -> Iterator[Problem]:
                 yield Problem((*path, "into"), message)
         if stage.gravity_factor is None:
             continue
-        path = ("stages", k, "gravity_factor")
+        place = ("stages", k, "gravity_factor")
         if not any(scene.gravity or ()):
-            yield Problem(path, "there is no gravity that it could multiply; give 'gravity'")
+            yield Problem(place, "there is no gravity that it could multiply; give 'gravity'")
         if scene.pore_water is not None:
-            yield Problem(path, "the weight of pore_water does not follow it; leave out one of them")
+            yield Problem(place, "the weight of pore_water does not follow it; leave out one of them")
         if free:
-            yield Problem(path, f"the weight of the free body contacts[{free[0]}] does not follow it; leave out one")
+            yield Problem(place, f"the weight of the free body contacts[{free[0]}] does not follow it; leave out one")
 
 
 def _record_problems(scene: SceneInput) -> Iterator[Problem]:
