@@ -102,7 +102,7 @@ def draw(scene: Path, result: Path) -> None:
         image, file = Image.open(picture).convert("RGB"), PICTURES / f"{name}.png"
         image.save(file, optimize=True)
         if file.stat().st_size > LARGE:
-            image.quantize(method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.FLOYDSTEINBERG).save(file, optimize=True)
+            image.quantize(method=Image.Quantize.MEDIANCUT).save(file, optimize=True)
 
 
 def read_table() -> dict[str, dict]:
