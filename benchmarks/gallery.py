@@ -30,7 +30,7 @@ from .library.runs import is_finished
 SCENES = sorted((ROOT / "configs").glob("*.yaml"))
 PICTURES, PAGE = FIGURES / "gallery", ROOT / "docs" / "gallery.md"
 TABLE = PICTURES / "runs.csv"
-LARGE = 150_000  # bytes of a picture
+LARGE = 250_000  # bytes of a picture
 _AT_REST = 1e-3  # of the largest kinetic energy
 HEAD = """# Gallery
 
