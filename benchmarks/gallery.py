@@ -30,7 +30,7 @@ from .library.runs import is_finished
 SCENES = sorted((ROOT / "configs").glob("*.yaml"))
 PICTURES, PAGE = FIGURES / "gallery", ROOT / "docs" / "gallery.md"
 TABLE = PICTURES / "runs.csv"
-LARGE = 150_000  # bytes of a picture
+LARGE = 250_000  # bytes of a picture
 _AT_REST = 1e-3  # of the largest kinetic energy
 HEAD = """# Gallery
 
@@ -101,8 +101,10 @@ def draw(scene: Path, result: Path) -> None:
         picture = plot_run(result, result.parent, step=step)[number]
         image, file = Image.open(picture).convert("RGB"), PICTURES / f"{name}.png"
         image.save(file, optimize=True)
-        if file.stat().st_size > LARGE:
-            image.quantize(method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(file, optimize=True)
+        colours = 256
+        while file.stat().st_size > LARGE and colours > 8:
+            image.quantize(colours, method=Image.Quantize.MEDIANCUT).save(file, optimize=True)
+            colours //= 2
 
 
 def read_table() -> dict[str, dict]:

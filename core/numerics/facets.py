@@ -12,8 +12,9 @@ its two faces. What is near is looked at again from x + u until u is the same. T
 may be in reach, once for each half-space.
 
 Kernels of `core.numerics.heights` (rasters) and `core.numerics.meshes` bring the triangles. Arrays of a scan: `way`
-(MOST, 3) and `gap` (MOST,) m are the half-spaces; `best` (10,) the nearest place so far: x - c, |x - c|, the distance s
-of x from the plane of its triangle, the normal, how far away the nearest is at most, and whether others are as near.
+(MOST, 3) and `gap` (MOST,) m are the half-spaces; `best` (11,) the nearest place so far: x - c, |x - c|, the distance s
+of x from the plane of its triangle, the normal, how far away the nearest is at most, whether others are as near, and
+what counts.
 """
 
 import numpy as np
@@ -31,6 +32,7 @@ PLAIN = 0.5
 TOLERANCE = 1e-9
 """Of lengths, over the radius of the ball."""
 _ALONE, _EQUAL, _CHOSEN = 0.0, 1.0, 2.0  # the nearest place; one of several; the one of these that is wanted
+_ANY, _BESIDE, _IN_FRONT = 0.0, 1.0, 2.0  # any place counts; that one is behind a border; only those in front count
 
 
 @inlined
@@ -73,19 +75,23 @@ def nearest_place(x, y, z, ax, ay, az, bx, by, bz, cx, cy, cz):
 @inlined
 def begin(best, bound):
     """Look for the nearest place anew, which lies at most `bound` m away, if anything is known of it."""
-    best[3], best[4], best[8], best[9] = np.inf, 0.0, bound, _ALONE
+    best[3], best[4], best[8], best[9], best[10] = np.inf, 0.0, bound, _ALONE, _ANY
 
 
 @inlined
-def must_choose(best):
-    """Whether other places are as near as the one that was found, so that one must look again, to choose among them.
+def must_look_again(best):
+    """Whether the place that was found does not stand.
 
-    Which of them it is may not depend on the order in which triangles are offered.
+    If others are as near one must choose among them, for which it is may not depend on the order in which triangles are
+    offered; and who is behind the plane beside a border is behind nothing, so that only what it is in front of counts.
     """
-    if best[9] != _EQUAL:
-        return False
-    best[8], best[3], best[4], best[9] = best[3], np.inf, 0.0, _CHOSEN
-    return True
+    if best[9] == _EQUAL:
+        best[8], best[3], best[4], best[9] = best[3], np.inf, 0.0, _CHOSEN
+        return True
+    if best[10] == _BESIDE:
+        best[3], best[4], best[8], best[9], best[10] = np.inf, 0.0, np.inf, _ALONE, _IN_FRONT
+        return True
+    return False
 
 
 @inlined
@@ -120,7 +126,7 @@ def offer(x, y, z, ax, ay, az, bx, by, bz, cx, cy, cz, open_edge, reach, radius,
     s = (x - ax) * nx + (y - ay) * ny + (z - az) * nz
     below = distance - abs(s) <= small  # the point is right above or below
     if count == 0:
-        if s < 0.0 and feature >= 0 and (open_edge >> feature) & 1:
+        if s < 0.0 and best[10] == _IN_FRONT:
             return
     else:
         if s < 0.0 and not (below and gap[0] < 0.0):
@@ -135,6 +141,8 @@ def offer(x, y, z, ax, ay, az, bx, by, bz, cx, cy, cz, open_edge, reach, radius,
         if distance >= best[3]:
             return
         best[8] = distance
+    if count == 0 and best[10] != _IN_FRONT:
+        best[10] = _BESIDE if s < 0.0 and feature >= 0 and (open_edge >> feature) & 1 else _ANY
     best[0], best[1], best[2], best[3], best[4] = wx, wy, wz, distance, s
     best[5], best[6], best[7] = nx, ny, nz
 

@@ -16,7 +16,7 @@ from periporo.core.numerics.facets import (
     accept,
     begin,
     improve,
-    must_choose,
+    must_look_again,
     offer,
     radius_of_others,
 )  # fmt: skip
@@ -68,7 +68,7 @@ def height_gap(level, corner, cell, holes, position, reach, within, gap, normal)
     that of the plane right above it below. It is NaN right above or below `holes`, if there are any. See
     `core.numerics.facets`.
     """
-    way, gaps, best, u = np.zeros((MOST, 3)), np.zeros(MOST), np.zeros(10), np.zeros(3)
+    way, gaps, best, u = np.zeros((MOST, 3)), np.zeros(MOST), np.zeros(11), np.zeros(3)
     need, new = np.zeros(MOST), np.zeros(3)
     above, slope = np.zeros(1), np.zeros((1, 3))
     for n in range(position.shape[0]):
@@ -82,9 +82,9 @@ def height_gap(level, corner, cell, holes, position, reach, within, gap, normal)
             count, radius = 0, within if look == 0 else TOUCHING * reach
             while count < MOST:
                 begin(best, _way_down(level, corner, cell, y0, y1, y2) if count == 0 else np.inf)
-                for _ in range(2):
+                while True:
                     _scan(level, corner, cell, y0, y1, y2, seen, radius, way, gaps, count, best)
-                    if not must_choose(best):
+                    if not must_look_again(best):
                         break
                 now = accept(best, reach, way, gaps, count)
                 if now == count:

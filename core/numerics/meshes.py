@@ -17,7 +17,7 @@ from periporo.core.numerics.facets import (
     accept,
     begin,
     improve,
-    must_choose,
+    must_look_again,
     offer,
     radius_of_others,
 )  # fmt: skip
@@ -119,7 +119,7 @@ def mesh_gap(corners, triangles, borders, boxes, position, reach, within, gap, n
 
     As `core.numerics.heights.height_gap`, but infinite wherever nothing is `within`.
     """
-    way, gaps, best, u = np.zeros((MOST, 3)), np.zeros(MOST), np.zeros(10), np.zeros(3)
+    way, gaps, best, u = np.zeros((MOST, 3)), np.zeros(MOST), np.zeros(11), np.zeros(3)
     need, new = np.zeros(MOST), np.zeros(3)
     waiting, apart = np.zeros(128, np.int64), np.zeros(128)
     for n in range(position.shape[0]):
@@ -133,12 +133,12 @@ def mesh_gap(corners, triangles, borders, boxes, position, reach, within, gap, n
             count, radius = 0, within if look == 0 else TOUCHING * reach
             while count < MOST:
                 begin(best, np.inf)
-                for _ in range(2):
+                while True:
                     _scan(
                         corners, triangles, borders, boxes, y0, y1, y2, seen, radius, way, gaps, count, best, waiting,
                         apart,
                     )  # fmt: skip
-                    if not must_choose(best):
+                    if not must_look_again(best):
                         break
                 now = accept(best, reach, way, gaps, count)
                 if now == count:

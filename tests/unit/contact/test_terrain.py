@@ -157,6 +157,21 @@ def test_who_is_behind_the_plane_beyond_a_border_is_behind_nothing():
     assert gap[1:] == pytest.approx([np.hypot(0.1, 0.1), -0.1])
 
 
+def test_beyond_the_border_of_a_slope_nothing_is_behind_it():
+    """Also where triangles that have no part in the border lie within what is looked at."""
+    x, y = np.meshgrid(np.arange(9.0) / 2, np.arange(9.0) / 2)
+    number = np.arange(81).reshape(9, 9)
+    a, b, c, d = (n.ravel() for n in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]))
+    triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    at_border = ((x == 0) | (x == 4) | (y == 0) | (y == 4)).ravel()
+    edges = at_border[triangles] & at_border[np.roll(triangles, -1, axis=1)]
+    bits = (np.concatenate([edges, at_border[triangles]], axis=1) << np.arange(6)).sum(axis=1)
+    surface = TriangleSurface(plant(np.stack([x.ravel(), y.ravel(), 0.5 * x.ravel()], axis=1), triangles, bits), **NEAR)
+    gap, _ = surface.gap(np.array([[2, -0.3, 0.3], [2, -1.0, 0.5], [2, 0.3, 0.7], [2, -0.3, 1.3]]))
+    assert np.isinf(gap[:2]).all()
+    assert gap[2:] == pytest.approx([-0.3 / 1.25**0.5, np.hypot(0.3, 0.3 / 1.25**0.5)])
+
+
 def cube(offset=0.0):
     corners = np.array(list(np.ndindex(2, 2, 2)), float) + offset
     quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
