@@ -73,6 +73,8 @@ def wrong_values(path, value):
         return [v for v in NOT_NUMBERS if v is not True]
     if isinstance(value, int | float):
         return NOT_NUMBERS if path[0] == "materials" else [*NOT_NUMBERS, 1e300, 10**40]
+    if path[-1] == "mean":  # of a random field: a number, or a field of depth or level
+        return [v for v in NOT_BRANCHES if isinstance(v, bool | str)]
     return NOT_WORDS if isinstance(value, str) else NOT_BRANCHES
 
 

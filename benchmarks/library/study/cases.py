@@ -59,10 +59,10 @@ class Study:
 
 
 def _case(factors: dict, scene: dict) -> Case:
-    variant = factors.get("variant")
+    variant, water = factors.get("variant"), scene.get("pore_water")
     return Case(
         factors["soil"], scene["bodies"][0]["shape"]["upper"][1], scene["spacing"], scene["contacts"][0]["friction"],
-        scene.get("pore_water", {}).get("suction"), None if variant == "as it is" else variant,
+        water and water["suction"]["values"][0], None if variant == "as it is" else variant,
         scene["stages"][-1]["duration"],
     )  # fmt: skip
 
