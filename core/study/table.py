@@ -129,7 +129,8 @@ def _picture(study, rows, name, file) -> str:
     except ImportError:
         return ""
     done = [row for row in rows if row["finished"] and math.isfinite(row[name])]
-    factors = [f for f in study.factors if len({str(row[f]) for row in done}) > 1]
+    # seeds only name draws: there is nothing along their axis
+    factors = [f for f in study.factors if len({str(row[f]) for row in done}) > 1 and f.split(".")[-1] != "seed"]
     figure = Figure(figsize=(4.0 * (1 + len(factors[:3])), 3.2), layout="constrained")
     panels = figure.subplots(1, 1 + len(factors[:3]), squeeze=False)[0]
     panels[0].hist(values, bins=max(5, int(np.sqrt(len(values)))), color="#7f9fbf")
