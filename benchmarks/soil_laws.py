@@ -7,6 +7,7 @@ A row is a closed form with its source, the error that is measured here, what it
 """
 
 import sys
+import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import cos, exp, log, radians, sin, sqrt, tan
@@ -62,7 +63,8 @@ class Row:
     def entry(self, found: str) -> str:
         """What the page says of it."""
         file, _, name = self.test.partition("::")
-        return f"| {self.form} | {found} | {self.bound:g} | `{file} -k {name}` |"
+        text = f"{self.form}: error {found}, at most {self.bound:g}. Held by `{file} -k {name}`."
+        return textwrap.fill(text, 120, initial_indent="- ", subsequent_indent="  ", break_on_hyphens=False)
 
 
 def example(model: str, **changes: float | None) -> dict:
@@ -276,8 +278,7 @@ def page(found: dict[Row, float]) -> str:
     parts = [HEAD]
     for law in dict.fromkeys(row.law for row in ROWS):
         rows = [row.entry(f"{found[row]:.1e}") for row in ROWS if row.law == law]
-        head = f"## [`{law}`](../laws/{law}.md)\n\n| closed form | error | at most | held by |\n|---|---|---|---|\n"
-        parts.append(head + "\n".join(rows) + "\n")
+        parts.append("\n".join([f"## [`{law}`](../laws/{law}.md)\n", *rows, ""]))
     return "\n".join([*parts, TAIL])
 
 
