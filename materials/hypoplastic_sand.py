@@ -94,6 +94,11 @@ class HypoplasticSand(MaterialParameters):
             raise ValueError("these void ratios, alpha and critical_friction_angle give no positive stiffness")
         return self
 
+    @property
+    def porosity(self) -> float:
+        """Volume of the pores at the start, over that of the soil."""
+        return self.initial_void_ratio / (1.0 + self.initial_void_ratio)
+
     @classmethod
     def example(cls) -> Self:
         """Dense Hochstetten sand (von Wolffersdorff 1996; Niemunis & Herle 1997)."""

@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from periporo.core.numerics.algebra import DIMENSION
 from periporo.core.numerics.tensors import dimension_of
 from periporo.core.points.material import OPENED, StateField, state_column
-from periporo.materials.base import MaterialParameters, units
+from periporo.materials.base import LARGEST, MaterialParameters, units
 from periporo.materials.friction import FrictionAngles
 from periporo.materials.mohr_coulomb_rows import advance, fill_tension_limit
 from periporo.materials.tables import OverStrain, StrainTable, extremes, scaled, strains_of, values_at
@@ -39,13 +39,16 @@ class MohrCoulomb(MaterialParameters):
     bulk_modulus: float = Field(gt=0, description="bulk modulus K", json_schema_extra=_PRESSURE)
     shear_modulus: float = Field(gt=0, description="shear modulus mu", json_schema_extra=_PRESSURE)
     cohesion: OverStrain = Field(
-        description="cohesion c, or undrained strength; a number or a table", json_schema_extra=_PRESSURE
+        description="cohesion c, or undrained strength; a number or a table",
+        json_schema_extra=_PRESSURE | {"minimum": 0.0, "exclusiveMaximum": LARGEST["Pa"]},
     )
     friction_angle: OverStrain = Field(
-        description="angle of friction phi, a number or a table", json_schema_extra=_DEGREES
+        description="angle of friction phi, a number or a table",
+        json_schema_extra=_DEGREES | {"minimum": 0.0, "exclusiveMaximum": 90.0},
     )
     dilation_angle: OverStrain = Field(
-        0.0, description="angle of dilation psi, a number or a table", json_schema_extra=_DEGREES
+        0.0, description="angle of dilation psi, a number or a table",
+        json_schema_extra=_DEGREES | {"minimum": 0.0, "exclusiveMaximum": 90.0},
     )
     tension_cutoff: float | None = Field(
         None, ge=0, description="largest principal stress", json_schema_extra=_PRESSURE
@@ -79,9 +82,9 @@ class MohrCoulomb(MaterialParameters):
         cohesion, phi, psi = (
             values_at(p, strain) for p in (self.cohesion, self.friction_angle, self.dilation_angle)
         )
-        for name, values, limit in (("cohesion", cohesion, 1e13), ("friction_angle", phi, 90.0)):
+        for name, values, limit in (("cohesion", cohesion, LARGEST["Pa"]), ("friction_angle", phi, 90.0)):
             if not (values.min() >= 0.0 and values.max() < limit):
-                found = f"{values.min():g} to {values.max():g}"
+                found = " to ".join(f"{value:g}" for value in np.unique([values.min(), values.max()]))
                 raise ValueError(f"{name} must stay from 0 to below {limit:g}, not {found}")
         if not psi.min() >= 0.0:
             raise ValueError(f"dilation_angle must not be negative, not {psi.min():g}")

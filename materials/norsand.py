@@ -92,6 +92,12 @@ class NorSand(MaterialParameters):
             )
         return self
 
+    @property
+    def porosity(self) -> float | None:
+        """Volume of the pores at the start, over that of the soil; not known where the pressure decides it."""
+        void = self.initial_void_ratio
+        return None if void is None else void / (1.0 + void)
+
     @classmethod
     def example(cls) -> Self:
         """A dense sand with numbers in the middle of those of Jefferies & Been (2015)."""

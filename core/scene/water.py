@@ -169,7 +169,8 @@ def _porosities(scene, materials):
     """Porosity of every material: its law's, or else the scene's."""
     found = []
     for name, material in zip(scene.materials, materials, strict=True):
-        value = getattr(material, "porosity", _soil(scene, name).porosity)
+        own = getattr(material, "porosity", None)
+        value = _soil(scene, name).porosity if own is None else own
         if value is None:
             message = "this law has no 'porosity', which pore water needs; give pore_water.porosity"
             raise InputError("scene", [Problem(("materials", name, "model"), message)])

@@ -143,7 +143,7 @@ def _resolved(schema: dict[str, Any], node: Any, value: Any) -> dict[str, Any]:
         inner = schema["$defs"][node["$ref"].rsplit("/", 1)[-1]]
         return _resolved(schema, inner, value) | outer
     if "oneOf" in node and "discriminator" in node:
-        tag = value.get("type") if isinstance(value, dict) else None
+        tag = value.get(node["discriminator"]["propertyName"]) if isinstance(value, dict) else None
         mapping = node.get("discriminator", {}).get("mapping", {})
         if tag not in list(mapping):
             return outer | {"tags": list(mapping)}
@@ -157,9 +157,9 @@ def _resolved(schema: dict[str, Any], node: Any, value: Any) -> dict[str, Any]:
 
 
 def _place(path: Path, finding: ErrorDetails) -> Path:
-    """Path to show for a finding; what is wrong with a 'type' is found one level above it."""
+    """Path to show for a finding; what is wrong with the key that tells the kind, one level above it."""
     if finding["type"] == "union_tag_invalid":
-        return (*path, "type")
+        return (*path, finding["ctx"]["discriminator"].strip("'"))
     written = _misspelt(finding)
     if finding["type"] == "missing" and written:
         return (*path[:-1], written)

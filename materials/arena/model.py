@@ -8,11 +8,10 @@ import numpy as np
 
 from periporo.core.numerics import tensors
 from periporo.core.points.material import OPENED, StateField, state_column, state_columns
-from periporo.materials.arena import pores as pore_space
-from periporo.materials.arena.constants import STRESS_FLOOR, Control, Elasticity, Pores, Strength, Surface, pack
 from periporo.materials.arena.elasticity import fill_moduli
 from periporo.materials.arena.kernel import update_rows
-from periporo.materials.arena.parameters import STRENGTHS, ArenaParameters
+from periporo.materials.arena.packed import ArenaConstants
+from periporo.materials.arena.parameters import STRENGTHS
 from periporo.materials.arena.pores import fill_pores
 from periporo.materials.arena.rows import ArenaRows, tell_failed
 from periporo.materials.arena.state import (
@@ -28,7 +27,7 @@ from periporo.materials.arena.state import (
     fill_yield,
     surface_of,
 )
-from periporo.materials.arena.surface import coefficients, squared_limit
+from periporo.materials.arena.surface import squared_limit
 from periporo.materials.arena.variability import strength_factors
 from periporo.materials.friction import FrictionAngles, angles_of_cone
 
@@ -36,7 +35,7 @@ _LARGEST_ANGLE = 50.0  # degrees, of friction of dense sand at low pressure
 _LARGEST_FACTOR = 3.0  # of strength
 
 
-class Arena(ArenaParameters):
+class Arena(ArenaConstants):
     """Arena soil model (Arena manual, Banerjee & Brannon 2017) with the corrections of docs/explanation/arena.md.
 
     Stress is total stress, tension positive; the model owns its pore pressure. State columns: volumetric
@@ -94,93 +93,6 @@ class Arena(ArenaParameters):
         found = [state_column(self, name, components) for name in (*names, "dissipation")]
         found.insert(FACTORS, len(self._factor_names))
         return np.array([-1 if column is None else column for column in found])
-
-    @cached_property
-    def _elasticity(self) -> Elasticity:
-        grain, slope, reference = self.grain_bulk_modulus, self.grain_slope, self.grain_reference_pressure
-        return Elasticity(
-            float(grain),
-            float(slope),
-            float(reference),
-            1.0 / (grain - slope * reference),
-            float(self.b0),
-            float(self.b1),
-            float(self.b2),
-            float(self.b3),
-            self.b4 / (self.b1 * self.b3),
-            1.0 - 1.0 / self.b4,
-            float(self.G0),
-            float(self.nu1),
-            float(self.nu2),
-            self.density_factor,
-            self.density_scaling == "total",
-            self.shear_modulus_in_tension == "poisson",
-            self.undrained_unloading == "fluid",
-            self.use_disaggregation_algorithm,
-        )
-
-    @cached_property
-    def _pores(self) -> Pores:
-        pores = Pores(
-            float(self.initial_porosity),
-            float(self.initial_saturation),
-            float(self.initial_fluid_pressure),
-            self.water_strain == "logarithmic",
-            math.nan,
-            math.nan,
-            float(self.p0),
-            self.scaled_p1,
-            1.0 / self.p2,
-            self.p3,
-            float(self.p1_sat),
-            max(float(self.p0), 1000.0),
-            float(self.air_exponent),
-            float(self.atmospheric_pressure),
-            float(self.water_bulk_modulus),
-            float(self.water_slope),
-            float(self.water_reference_pressure),
-            self.pore_pressure == "total",
-        )
-        air = (1.0 - self.initial_saturation) * pore_space.air_volume(pores, 0.0)
-        water = self.initial_saturation * pore_space.water_volume(pores, 0.0)[0]
-        return pores._replace(open_volume=air + water, open_saturation=water / (air + water))
-
-    @property
-    def _flow(self) -> tuple[float, float]:
-        """3/2 BETA^2 where soil compacts, and where it dilates."""
-        return 1.5 * self.BETA**2, 1.5 * (self.BETA**2 if self.BETA_acts_on == "surface" else 1.0)
-
-    @cached_property
-    def _strength(self) -> Strength:
-        return Strength(
-            *self.intact_strength(),
-            *self.failed_strength(),
-            float(self.fspeed),
-            float(self.time_at_failure),
-            float(self.CR),
-            *self._flow,
-        )
-
-    @cached_property
-    def _surface(self) -> Surface:
-        """Surface of a row without damage and variability."""
-        a1, a2, a3, a4 = coefficients(*(float(v) for v in self.intact_strength()))
-        return Surface(a1, a2, a3, a4, float(self.PEAKI1), float(self.CR), *self._flow)
-
-    @cached_property
-    def _packed(self) -> tuple[np.ndarray, ...]:
-        """Elasticity, pores, surface, strength and control as arrays."""
-        control = Control(
-            float(self.tolerance),
-            float(self.substeps),
-            min(float(self.p0), STRESS_FLOOR),
-            float(self.T1),
-            float(self.T2),
-            self.do_damage,
-            self.damage_grows_on == "surface",
-        )
-        parts = (self._elasticity, self._pores, self._surface, self._strength, control)
-        return tuple(pack(part) for part in parts)
 
     @classmethod
     def of_rows(cls, laws, components):

@@ -59,6 +59,6 @@ def engineering(columns: Columns, porosity: float | None = None) -> Columns:
         "axial_stress": -stress[:, 1],
         "radial_stress": -lateral,
     }
-    if porosity is not None:
+    if porosity is not None and "void_ratio" not in columns:  # a law may keep it
         made["void_ratio"] = np.exp(3.0 * mean(strain)) / (1.0 - porosity) - 1.0
     return made

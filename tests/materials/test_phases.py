@@ -9,6 +9,7 @@ import periporo
 from periporo import InputError
 from periporo.core.water.pore_water import bonding_variable
 from periporo.materials import DriveStopped, read_test
+from periporo.materials.hypoplastic_sand import HypoplasticSand
 
 K, G, POROSITY, WATER = 25e6, 15e6, 0.4, 2.2e9
 ELASTIC = {"model": "elastic", "density": 1700.0, "bulk_modulus": K, "shear_modulus": G}
@@ -89,6 +90,17 @@ def test_suction_is_taken_up_by_the_grains():
     assert columns["volumetric_strain"][-1] == pytest.approx(columns["p"][-1] / K, rel=1e-9)
     clay = driven(CLAY, CONSOLIDATE, dry, water=water, pressure=1e4)
     assert clay["bonding"][-1] == pytest.approx(float(bonding_variable(5e4, saturation)), rel=1e-6)
+
+
+def test_a_law_that_keeps_its_void_ratio_needs_no_porosity():
+    """Undrained, water too stiff to be pressed keeps the void ratio, and the pores are e/(1 + e) of the soil."""
+    sand = HypoplasticSand.example().model_dump(exclude_none=True) | {"initial_void_ratio": 0.6}
+    shear = {"type": "triaxial", "strain": 1e-3, "drainage": "undrained", "rows": 3}
+    columns = driven({"model": "hypoplastic_sand"} | sand, shear, pressure=1e5, porosity=0.9)
+    found = columns["void_ratio"]
+    assert found[0] == 0.6 and columns["pore_pressure"][-1] != 0.0
+    compressed = np.log((1 + found) / 1.6)  # of the volume, that of the water in 0.6/1.6 of it
+    np.testing.assert_allclose(compressed[1:], -0.375 * columns["pore_pressure"][1:] / WATER, rtol=1e-3)
 
 
 @pytest.mark.parametrize("kind, column, value", [("stress", "tau", 1e4), ("strain", "gamma", 1e-3)])

@@ -172,7 +172,7 @@ def test_what_a_law_refuses_is_told_with_place_and_value():
 @pytest.mark.parametrize(
     "field, words",
     [
-        ({"field": "depht", "at": [0.0], "values": [1.0]}, "depth"),
+        ({"field": "depht", "at": [0.0], "values": [1.0]}, "cohesion.field: .*'depth'"),
         ({"field": "depth", "at": [0.0, 0.0], "values": [1.0, 2.0]}, "must increase"),
         ({"field": "depth", "at": [0.0], "values": [1.0, 2.0]}, "1 places but 2 values"),
         ({"field": "points", "file": "no.csv", "column": "c"}, "no regular file"),
