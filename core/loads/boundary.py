@@ -230,7 +230,8 @@ class ViscousDamping:
     Velocities half a step before and after the force obey v+ = v- e^(-x) + a dt (1 - e^(-x))/x, x = rate dt, with the
     acceleration a of all other forces: free motion decays as exp(-rate t), and a load is followed at a/rate. `upcoming`
     is a function that gives the next step, s: at the start of a stage its first half is ahead. With a `base`, v is
-    relative to the velocity (d,) m/s that it gives.
+    relative to the velocity v_b (d,) m/s that it gives: rate m v_b is external, for it gives energy where soil lags
+    behind.
     """
 
     def __init__(
@@ -245,8 +246,9 @@ class ViscousDamping:
         x = self.rate * step
         decay, lag = (-np.expm1(-x) / step, 1.0 + np.expm1(-x) / x) if x > 1e-6 else (self.rate, 0.5 * x)
         others = tuple(getattr(p, f"{n}_force") for n in WORK if n != "damping" and f"{n}_force" in p.fields)
-        velocity = p.velocity if self.base is None else p.velocity[: p.owned] - self.base(p)
-        _damp(p.owned, p.mass, velocity, others, decay, lag, p.damping_force, p.dim)
+        if self.base is not None:
+            p.external_force[: p.owned] += self.rate * p.mass[: p.owned, None] * self.base(p)
+        _damp(p.owned, p.mass, p.velocity, others, decay, lag, p.damping_force, p.dim)
 
 
 class MeanVelocity:

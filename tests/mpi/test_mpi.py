@@ -75,15 +75,21 @@ def varied():
     return scene | {"materials": {"sand": SAND | {"cohesion": cohesion, "friction_angle": angle}}}
 
 
+ROCK = "".join(f"v {x} {y} {z}\n" for x in (1450, 1550) for y in (1000, 1400) for z in (600, 900)) + (
+    "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n"
+)  # a box
+
+
 def landslide():
-    """Debris slides down natural ground that all ranks share."""
+    """Debris slides down natural ground that all ranks share, onto a rock of triangles."""
     ground, release = (str(CONFIGS / name) for name in ("mountain.asc", "mountain_release.asc"))
     return {
         "dimension": 3, "spacing": 30.0, "gravity": [0.0, 0.0, -9.81],
         "materials": {"debris": SAND | {"density": 2000.0, "bulk_modulus": 5e7, "shear_modulus": 2e7}},
         "bodies": [{"name": "slide", "material": "debris",
                     "shape": {"type": "raster", "ground": ground, "thickness": release}}],
-        "contacts": [{"type": "terrain", "ground": ground, "friction": 0.1}],
+        "contacts": [{"type": "terrain", "ground": ground, "friction": 0.1},
+                     {"type": "mesh", "name": "rock", "file": "../../rock.obj", "friction": 0.3}],
         "stages": [{"name": "slide", "type": "dynamics", "duration": 8.0}],
         "output": {"interval": 2.0},
     }  # fmt: skip
@@ -117,7 +123,8 @@ def construction():
         "boundaries": {"base": {"where": {"upper": [None, 0.5]}, "fix": ["x", "y"]},
                        "left": {"where": {"upper": [0.5, None]}, "fix": ["x"]},
                        "rock": {"where": {"upper": [None, 0.5]}, "absorb": {
-                           "side": "y-", "velocity": {"x": {"times": [0, 0.05, 0.1], "values": [0, 0.1, 0]}}}}},
+                           "side": "y-", "beyond": "treated",
+                           "velocity": {"x": {"times": [0, 0.05, 0.1], "values": [0, 0.1, 0]}}}}},
         "stages": [{"name": "dig", "type": "relax", "tolerance": 0.02, "boundaries": held,
                     "remove": [{"lower": [4, 1]}]},
                    {"name": "fill", "type": "relax", "tolerance": 0.02, "boundaries": held, "place": ["fill"],
@@ -137,7 +144,8 @@ def tied():
         "dimension": 2, "spacing": 0.5, "materials": {"sand": SAND | FIRM},
         "bodies": [{"name": "strip", "material": "sand", "shape": {"type": "box", "lower": [0, 0], "upper": [6, 5]}}],
         "boundaries": {"sides": sides, "base": {"where": {"upper": [None, 0.5]}, "velocity": {"x": pulse, "y": 0.0}}},
-        "stages": [{"name": "shake", "type": "dynamics", "duration": 0.3, "boundaries": ["sides", "base"]}],
+        "stages": [{"name": "shake", "type": "dynamics", "duration": 0.3, "boundaries": ["sides", "base"],
+                    "damping": {"viscous": 2.0, "relative_to": "base"}}],
         "output": {"interval": 0.05},
     }  # fmt: skip
 
@@ -200,6 +208,7 @@ def simulated(launch, by_folder, tmp_path_factory, scene_of):
     cases += [("varied", varied(), (1, 3)), ("tied", tied(), (1, 3))]
     cases += [("five_laws", five_laws(), (1, 3)), ("rings", rings(), (1, 3))]
     parent, files, said = tmp_path_factory.mktemp("simulated"), {}, {}
+    (parent / "rock.obj").write_text(ROCK)
     for ranks in (1, 2, 3, 4):
         for name, scene, numbers in cases:
             if ranks in numbers:

@@ -88,6 +88,39 @@ def test_torque_of_a_weight_and_forces_of_boundaries():
     assert second["top_power"] == pytest.approx(-3.0 * time * second["top_force_x"], rel=1e-3)
 
 
+def test_a_peak_between_two_rows_is_told_by_the_second():
+    """A paddle strikes and is gone: it tells the largest force of all steps, and then counts anew."""
+    forces = []
+    paddle = {"type": "plane", "name": "paddle", "point": [0, 0.55], "normal": [0, -1], "friction": 0.0,
+              "displacement": {"y": {"times": [0, 0.02, 0.04], "values": [0, -0.06, 0]}}}  # fmt: skip
+
+    def watch(sim):
+        (part,) = (part for part in sim.reactions if part.name == "paddle")
+        forces.append(np.hypot(*part.loads.sum(axis=0)[:2]))
+
+    now = told(sim := started([FLOOR, paddle], watch=watch))
+    assert forces[-1] == 0.0 and now["paddle_peak_force"] == max(forces) > 1e4
+    assert told(sim)["paddle_peak_force"] == 0.0
+
+
+def test_a_wall_in_space_turns_about_its_axis_as_a_right_handed_screw():
+    axis, rate, reference = np.array([1.0, 2.0, 2.0]) / 3.0, np.radians(400.0), np.array([5.0, 0.0, 1.0])
+    vane = {"type": "box", "name": "vane", "lower": [6, 0, 0], "upper": [7, 1, 1], "friction": 0.0,
+            "reference": reference.tolist(), "velocity": [0, 0, 3.0],
+            "rotation": {"rate": 400, "axis": [1, 2, 2]}}  # fmt: skip
+    floor = FLOOR | {"point": [0, 0, 0], "normal": [0, 0, 1]}
+    sim = started([floor, vane], 3, {"duration": 0.2})
+    arm = np.array([7.0, 1.0, 0.0]) - reference
+    along = (arm @ axis) * axis
+    turned = along + np.cos(rate * sim.time) * (arm - along) + np.sin(rate * sim.time) * np.cross(axis, arm)
+    corner = sim.contacts[1].motion.pose(sim.time).left((arm + reference)[None])[0]
+    assert corner == pytest.approx(reference + [0, 0, 3.0 * sim.time] + turned, rel=1e-9)
+    now = told(sim)
+    assert [now[f"vane_spin_{a}"] for a in "xyz"] == pytest.approx(rate * axis, rel=1e-6)
+    gap, normal = sim.contacts[1].surface.gap(sim.contacts[1].motion.pose(sim.time).entered(corner[None] + 1e-3 * arm))
+    assert np.isfinite(normal).all() and abs(gap[0]) < 3e-3
+
+
 @pytest.mark.parametrize("dimension, share", [(2, 2.0 / 3.0), (3, 5.0 / 7.0)])
 def test_a_boulder_rolls_down_an_incline(dimension, share):
     angle, radius = np.radians(20.0), 0.5

@@ -181,3 +181,13 @@ def test_factors_without_gravity_are_refused():
     del data["gravity"], data["initial_stress"]
     with pytest.raises(InputError, match=r"stages\[0\].gravity_factor: there is no gravity"):
         Simulation.from_scene(data)
+
+
+@pytest.mark.parametrize("key, message", [
+    ({"change": [{"body": "ground", "into": "soil"}]}, r"change\[0\]: soil with pore_water keeps its material"),
+    ({"gravity_factor": 0.5}, r"gravity_factor: the weight of pore_water does not follow it"),
+])  # fmt: skip
+@pytest.mark.parametrize("water", [{"suction": 0}, {"water_table": 8.0, "free_water": {"level": 8.0}}])
+def test_what_would_change_the_water_is_refused(key, message, water):
+    with pytest.raises(InputError, match=message):
+        Simulation.from_scene(scene([SETTLE | key]) | {"pore_water": water | {"porosity": 0.4}})

@@ -136,3 +136,17 @@ def test_what_flows_does_not_settle(scene_of):
     settled = float(re.search(r"largest displacement (\S+) m", told[0])[1])
     assert settled == pytest.approx(2.4e-5, rel=0.15)  # rho g H^2 / 2 over a modulus between free sides and held ones
     assert (sim.particles.position == sim.particles.initial_position).all()
+
+
+def test_what_only_one_stage_names_ends_with_it(scene_of):
+    """A block rests on a floor of the first stage, and falls freely in the second."""
+    scene = scene_of(counts=(4, 4), materials=SOFT)
+    scene["contacts"][0] |= {"stages": ["settle"], "name": "floor"}
+    scene["stages"] = [SETTLE, {"name": "fall", "type": "dynamics", "duration": 0.02}]
+    sim = built(scene)
+    sim.run()
+    p = sim.particles
+    speed = (p.mass @ p.velocity[: p.owned, 1]) / p.mass.sum()
+    assert speed == pytest.approx(-9.81 * sim.time, rel=1e-9)
+    (floor,) = sim.reactions
+    assert floor.histories(sim)["floor_force_y"] == 0.0
