@@ -74,8 +74,8 @@ def kernels(sim) -> dict:
     return {
         "neighbourhoods": (
             lambda: moments._sum_moments(
-                pairs.first, pairs.second, pairs.weight, pairs.count, p.position, p.velocity, p.volume, scheme.horizon,
-                scheme.table, p.sums, p.dim),
+                pairs.first, pairs.second, pairs.weight, pairs.count, p.position, p.velocity, p.volume, p.widths(),
+                scheme.horizon, scheme.table, p.sums, p.dim),
             n, ends + 16 + 2 * 8 * (2 * d + 1) + 4 * 8 * (1 + shape + m)),
         "close points": (
             lambda: moments._close_points(
