@@ -11,7 +11,7 @@ from periporo.core.scene.boundaries import build_boundary, hold, over_time, sele
 from periporo.core.scene.contacts import is_present
 from periporo.core.watch.strength import StrengthReductionStage
 from periporo.core.water.boundaries import WaterBoundary
-from periporo.core.water.flow import FlowingWater
+from periporo.core.water.flow import flowing_water
 from periporo.io.schema.stages import STILL
 
 
@@ -44,7 +44,7 @@ def build_stage(scene, sim, stage, contacts, free_water, lattices):
             stage.reset_displacement,
         )  # fmt: skip
     if stage.type == "quasi_static":
-        increments = next(part for part in sim.point_processes if isinstance(part, FlowingWater)).increments
+        increments = flowing_water(sim).increments
         return QuasiStaticStage(
             stage.name, motions, present, loads, inflows, stage.duration, stage.accuracy, stage.tolerance,
             stage.max_steps, increments,

@@ -4,7 +4,7 @@ import numpy as np
 
 from periporo.core.scene.pressures import known_pressures, pressure_around
 from periporo.core.water.bishop import bishop_of
-from periporo.core.water.flow import MOST_STAGES, TOO_FAST, FlowingWater, Permeability
+from periporo.core.water.flow import MOST_STAGES, TOO_FAST, FlowingWater, Permeability, flowing_water
 from periporo.core.water.increments import Increments
 from periporo.core.water.pore_water import DrainedWater, Pores, PoreWater, UndrainedWater
 from periporo.core.water.pressure import (
@@ -58,11 +58,12 @@ def wetted(scene, materials, water: PoreWater | None) -> list:
 
 def refuse_inner_inflows(scene, sim) -> None:
     """Raise InputError for a boundary of water none of whose points has a face at the surface on its side."""
+    outer = flowing_water(sim).outer_faces(sim.particles)
     for stage, built in zip(scene.stages, sim.stages, strict=True):
         named = [name for name in stage.boundaries if scene.boundaries[name].water is not None]
         for name, boundary in zip(named, built.inflows, strict=True):
             p = sim.particles
-            here, faces = int(np.isin(p.id[: p.owned], boundary.ids).sum()), len(boundary.faces(p).rows)
+            here, faces = int(np.isin(p.id[: p.owned], boundary.ids).sum()), len(boundary.faces(p, outer).rows)
             if boundary.obstacle is not None:
                 continue  # soil may come to it later
             if sim.comm.allreduce(here) > 0 and sim.comm.allreduce(faces) == 0:  # some bodies come later

@@ -4,6 +4,7 @@ import numpy as np
 
 from periporo.core.ranks.reductions import maximum
 from periporo.core.scene.pressures import farthest
+from periporo.core.water.flow import flowing_water
 from periporo.io.geometry.origin import relative
 from periporo.io.geometry.rasters import read_raster
 
@@ -103,9 +104,12 @@ def _strange_reach(water, scene, sim) -> list[str]:
 def _bare_obstacles(scene, sim) -> list[str]:
     """A remark on each obstacle at whose face water is to pass, and which no soil touches when the stage begins."""
     named = [name for name in scene.stages[0].boundaries if scene.boundaries[name].water is not None]
+    if not named:
+        return []
+    p, outer = sim.particles, flowing_water(sim).outer_faces(sim.particles)
     return [
         f"boundary '{name}': no soil touches the obstacle '{scene.boundaries[name].water.obstacle}' at the start, so "
         "that no water passes there until some comes to it"
         for name, inflow in zip(named, sim.stages[0].inflows, strict=True)
-        if inflow.obstacle is not None and not sim.comm.allreduce(len(inflow.faces(sim.particles).rows))
+        if inflow.obstacle is not None and not sim.comm.allreduce(len(inflow.faces(p, outer).rows))
     ]

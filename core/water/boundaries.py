@@ -53,14 +53,14 @@ class WaterBoundary:
         self.obstacle = obstacle
         self._found: tuple[np.ndarray | None, np.ndarray] = None, ids  # ids of the points, and the rows among them
 
-    def faces(self, p) -> Faces:
-        """The faces of the owned points that have one now."""
+    def faces(self, p, outer: np.ndarray) -> Faces:
+        """The faces of the owned points that have one now, given those of all (`FlowingWater.outer_faces`)."""
         if self._found[0] is not p.id:
             self._found = p.id, np.flatnonzero(np.isin(p.id[: p.owned], self.ids, assume_unique=True))
         d, rows, side = p.dimension, self._found[1], self.side
         if self.obstacle is not None:
             rows, side = self._touching(p, rows)
-        vector = p.outer_face[rows, :d]
+        vector = outer[rows, :d]
         if side is None:
             area = np.sqrt((vector * vector).sum(axis=1))
             normal = vector / np.where(area > 0.0, area, 1.0)[:, None]
@@ -68,7 +68,7 @@ class WaterBoundary:
             area, normal = (vector * side).sum(axis=1), np.broadcast_to(side, vector.shape)
         ratio = p.pore_dilation[rows]
         there = np.flatnonzero(ratio * area > _FACE * (p.volume[rows] * ratio) ** (1.0 - 1.0 / d))
-        rows, area, normal, tensor = rows[there], area[there], normal[there], p.outer_face[rows[there], d:]
+        rows, area, normal, tensor = rows[there], area[there], normal[there], outer[rows[there], d:]
         square = np.zeros(len(rows))
         for c, (a, b) in enumerate(SHAPE_PAIRS[d]):
             square += (1.0 if a == b else 2.0) * tensor[:, c] * normal[:, a] * normal[:, b]
@@ -127,6 +127,7 @@ class WaterBoundary:
         """Flow (n,) m^3/s from faces under `pressure` into their points, half a cell away, and what drives it, Pa."""
         weight, rows = water.pores.density * water.permeability.gravity, faces.rows
         driven = pressure - p.pore_pressure[rows] - (way * weight).sum(axis=1)
-        outside = conductivities(water.curves, p.material[rows], -pressure, p.porosity[rows], p.pore_dilation[rows])
+        porosity = water.porosity(p, rows)
+        outside = conductivities(water.curves, p.material[rows], -pressure, porosity, p.pore_dilation[rows])
         relative = np.where(driven > 0.0, outside, p.flow_state[rows, 1])
         return self.conducted(p, faces, water) * driven * relative, driven

@@ -32,18 +32,14 @@ _MOST_FITTED = 1.25  # factor of them in a turn
 _FLOOR = 1e-9  # of W, on the diagonal: directions in which there is no pair do not count
 
 
-def fields(dimension: int, faces: bool) -> tuple[Field, ...]:
-    """What points need for it; with `faces`, they keep those through which water may go."""
-    shape = dimension * (dimension + 1) // 2
-    # W, Lambda; W is 0 of points without regular company
-    conduction = Field("conduction", 1 + shape, "m^3, 1/m^3", axes=(*scalars(1), *symmetric(dimension)))
-    # outward area vector A of its face, and sum a xi (x) xi of stretched xi; zeros of points inside
-    face = Field("outer_face", dimension + shape, "m^2, m^3", sent=False)
-    return (conduction, face) if faces else (conduction,)
+def field(dimension: int) -> Field:
+    """What points need for it: W and Lambda; W is 0 of points without regular company."""
+    columns = 1 + dimension * (dimension + 1) // 2
+    return Field("conduction", columns, "m^3, 1/m^3", axes=(*scalars(1), *symmetric(dimension)))
 
 
 def find_conduction(p, pairs, halo, factors) -> None:
-    """Find `conduction` of all points, and `outer_face` of the owned ones if they keep it, from the present positions.
+    """Find `conduction` of all points from the present positions; collective.
 
     `factors` (d,) are what water flows more easily by along the axes.
     """
@@ -60,17 +56,31 @@ def find_conduction(p, pairs, halo, factors) -> None:
     unit = 2.0 * (np.arange(k) < d)
     solved = np.linalg.solve(matrix, np.broadcast_to(unit[:, None], (n, k, 1)))[:, :, 0]
     p.conduction[:n, 0], p.conduction[:n, 1:] = whole * regular, solved * regular[:, None]
-    face = p.outer_face if "outer_face" in p.fields else np.zeros((n, d + k))
-    for turn in range(1 + _TURNS):
+    for _ in range(_TURNS):
         halo.update(p, "conduction")
-        directions = np.zeros((p.total, d + k))
-        _sum_directions(
-            pairs.first, pairs.second, pairs.weight, place, p.volume, p.conduction, directions, p.dim
-        )  # fmt: skip
-        _find_faces(n, p.volume, factors, directions, face, p.dim)
-        if turn < _TURNS:
-            _fit_surface(n, p.volume, face, p.conduction, p.dim)
-    face[:, :d] /= np.sqrt(factors)
+        _fit_surface(n, p.volume, _stretched_faces(p, pairs, factors), p.conduction, p.dim)
+    halo.update(p, "conduction")
+
+
+def outer_faces(p, pairs, factors) -> np.ndarray:
+    """Outward area vectors A m^2 of the faces of the owned points, and sums of a xi (x) xi m^3 of stretched xi.
+
+    (owned, d + d (d + 1)/2), zeros of points inside, from `conduction` and the present positions.
+    """
+    face = _stretched_faces(p, pairs, factors)
+    face[:, : p.dimension] /= np.sqrt(factors)
+    return face
+
+
+def _stretched_faces(p, pairs, factors):
+    """`outer_faces` with A in places in which water flows equally easily in all directions."""
+    d = p.dimension
+    sums = np.zeros((p.total, d + d * (d + 1) // 2))
+    _sum_directions(
+        pairs.first, pairs.second, pairs.weight, stretched(p.position, factors), p.volume, p.conduction, sums, p.dim
+    )  # fmt: skip
+    _turn_outwards(p.owned, p.volume, factors, sums, p.dim)
+    return sums[: p.owned]
 
 
 def stretched(position, factors) -> np.ndarray:
@@ -131,7 +141,7 @@ def _sum_directions(first, second, weight, position, volume, conduction, sums, d
 
 
 @kernel
-def _find_faces(owned, volume, factors, sums, face, dim):
+def _turn_outwards(owned, volume, factors, sums, dim):
     """Turn the sums of directions outwards; zeros of points that have no face."""
     d = len(dim)
     for i in range(owned):
@@ -139,8 +149,8 @@ def _find_faces(owned, volume, factors, sums, face, dim):
         for c in range(d):
             square += sums[i, c] ** 2 / factors[c]
         at_surface = square > (_FACE * volume[i] ** ((d - 1.0) / d)) ** 2
-        for c in range(face.shape[1]):
-            face[i, c] = (-sums[i, c] if c < d else sums[i, c]) if at_surface else 0.0
+        for c in range(sums.shape[1]):
+            sums[i, c] = (-sums[i, c] if c < d else sums[i, c]) if at_surface else 0.0
 
 
 @kernel

@@ -30,39 +30,40 @@ def _follow_volume(owned, dt, gradient, share, dilation, dim):
             dilation[i] *= 1.0 / la.determinant_minus(la.scaled(la.matrix_at(gradient, i, 0, dim), dt))
 
 
+def porosities(initial, dilation) -> np.ndarray:
+    """phi (n,) where it was `initial` (n,), and the volume is `dilation` (n,) times that of then; pores close at 0."""
+    return np.maximum(1.0 - (1.0 - initial) / dilation, 0.0)
+
+
 @inlined
-def _pores(solid, dilation):
-    """phi where the grains fill the part `solid` of the initial volume; pores close at 0."""
-    value = 1.0 - solid / dilation
+def porosity_of(initial, dilation):
+    """The same of one point."""
+    value = 1.0 - (1.0 - initial) / dilation
     return value if value > 0.0 or np.isnan(value) else 0.0
 
 
 @kernel
-def fill_content(
-    owned, material, initial_porosity, volume, dilation, bulk, curves, pressure, porosity, saturation, content
-):
-    """w m^3, phi and S of the owned points under their `pressure`."""
+def fill_content(owned, material, initial_porosity, volume, dilation, bulk, curves, pressure, saturation, content):
+    """w m^3 and S of the owned points under their `pressure`."""
     for i in range(owned):
         m = material[i]
-        porosity[i] = _pores(1.0 - initial_porosity[m], dilation[i])
-        saturation[i], _ = saturation_of(curves, m, -pressure[i], porosity[i], dilation[i])
-        content[i] = porosity[i] * dilation[i] * volume[i] * saturation[i] * (1.0 + pressure[i] / bulk)
+        porosity = porosity_of(initial_porosity[m], dilation[i])
+        saturation[i], _ = saturation_of(curves, m, -pressure[i], porosity, dilation[i])
+        content[i] = porosity * dilation[i] * volume[i] * saturation[i] * (1.0 + pressure[i] / bulk)
 
 
 @kernel
-def fill_pressure(
-    owned, material, initial_porosity, volume, dilation, bulk, curves, content, porosity, saturation, pressure
-):
-    """p Pa, phi and S of the owned points that hold `content` m^3 of water."""
+def fill_pressure(owned, material, initial_porosity, volume, dilation, bulk, curves, content, saturation, pressure):
+    """p Pa and S of the owned points that hold `content` m^3 of water."""
     for i in range(owned):
         m = material[i]
-        porosity[i] = _pores(1.0 - initial_porosity[m], dilation[i])
-        filled = content[i] / (porosity[i] * dilation[i] * volume[i])
+        porosity = porosity_of(initial_porosity[m], dilation[i])
+        filled = content[i] / (porosity * dilation[i] * volume[i])
         if filled >= 1.0 or curves[m, 0] == FULL or np.isnan(filled):
             saturation[i], pressure[i] = 1.0, bulk * (filled - 1.0)
         else:
-            s = _suction(curves, m, bulk, filled, -pressure[i], porosity[i], dilation[i])
-            saturation[i], _ = saturation_of(curves, m, s, porosity[i], dilation[i])
+            s = _suction(curves, m, bulk, filled, -pressure[i], porosity, dilation[i])
+            saturation[i], _ = saturation_of(curves, m, s, porosity, dilation[i])
             pressure[i] = -s
 
 
@@ -88,31 +89,33 @@ def _suction(curves, m, bulk, filled, guess, porosity, ratio):
     return s
 
 
-def pore_stiffness(rows, material, bulk: float, curves, factors, pressure, porosity, dilation) -> np.ndarray:
+def pore_stiffness(rows, material, initial_porosity, bulk: float, curves, factors, pressure, dilation) -> np.ndarray:
     """Rate of chi p with a volumetric strain of compression at constant w, (n,) Pa, of the points `rows`."""
     result = np.empty(len(rows))
-    _fill_stiffness(rows, material, bulk, curves, factors, pressure, porosity, dilation, result)
+    _fill_stiffness(rows, material, initial_porosity, bulk, curves, factors, pressure, dilation, result)
     return result
 
 
 @kernel
-def _fill_stiffness(rows, material, bulk, curves, factors, pressure, porosity, dilation, result):
+def _fill_stiffness(rows, material, initial_porosity, bulk, curves, factors, pressure, dilation, result):
     for r in range(rows.shape[0]):
         i = rows[r]
-        s, slope = saturation_of(curves, material[i], -pressure[i], porosity[i], dilation[i])
+        porosity = porosity_of(initial_porosity[material[i]], dilation[i])
+        s, slope = saturation_of(curves, material[i], -pressure[i], porosity, dilation[i])
         chi, chi_slope = factor_of(factors, material[i], -pressure[i], s, slope)
         squeezed = 1.0 + pressure[i] / bulk
-        rate = s * squeezed / (porosity[i] * (s / bulk - slope * squeezed))  # of p
+        rate = s * squeezed / (porosity * (s / bulk - slope * squeezed))  # of p
         result[r] = rate * max(chi - pressure[i] * chi_slope, 0.0)
 
 
-def stored_energy(material, bulk: float, curves, pressure, porosity, dilation, volume) -> np.ndarray:
+def stored_energy(material, initial_porosity, bulk: float, curves, pressure, dilation, volume) -> np.ndarray:
     """Energy (n,) J of the water of points beyond that of full pores without pressure.
 
     In the volume V_p of the pores: what compresses the water, K_w V_p [(1 + x) ln(1 + x) - x] S with x = p/K_w, to the
     fourth order, and what air has taken the place of water against, V_p times the integral of s dS.
     """
     suction, x = np.maximum(-pressure, 0.0), pressure / bulk
+    porosity = porosities(initial_porosity[material], dilation)
     saturation = saturations(curves, material, suction, porosity, dilation)
     energy = bulk * saturation * x * x * (0.5 - x / 6.0 + x * x / 12.0)
     if (saturation < 1.0).any():

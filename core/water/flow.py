@@ -17,6 +17,7 @@ from periporo.core.numerics.jit import kernel
 from periporo.core.points.particles import Field
 from periporo.core.ranks.reductions import exact_sum, maximum
 from periporo.core.water import conductance
+from periporo.core.water.content import porosity_of
 from periporo.core.water.flux import fluxes
 from periporo.core.water.increments import Increments
 from periporo.core.water.pore_water import UndrainedWater
@@ -71,14 +72,13 @@ class FlowingWater(UndrainedWater):
         """`passed` are the kinds of the boundaries through which water may go."""
         super().__init__(pores, profile, free, permeability.gravity)
         self.permeability = permeability
-        self.passes, self.sums = bool(passed), 5 if "rain" in passed else 4
+        self.sums = 5 if "rain" in passed else 4
         self.increments: Increments | None = None  # of quasi-static stages
 
     def attach(self, sim) -> None:
         """Declare the point fields."""
         super().attach(sim)
-        for field in conductance.fields(sim.particles.dimension, self.passes):
-            sim.particles.add_field(field)
+        sim.particles.add_field(conductance.field(sim.particles.dimension))
         sim.particles.add_field(Field("exchanged_water", self.sums, "m^3, J", sent=False))
         if self.increments is not None:
             self.increments.attach(sim)
@@ -154,13 +154,19 @@ class FlowingWater(UndrainedWater):
             conductance.stretched(p.position, self.permeability.factors), p.volume, p.conduction, p.flow_state,
             self.pores.density * self.permeability.gravity, conducted, drop, p.dim,
         )  # fmt: skip
-        return conducted, drop, [(boundary, boundary.faces(p)) for boundary in self._sim.inflows]
+        inflows = self._sim.inflows
+        outer = self.outer_faces(p) if inflows else None
+        return conducted, drop, [(boundary, boundary.faces(p, outer)) for boundary in inflows]
+
+    def outer_faces(self, p) -> np.ndarray:
+        """The faces that the owned points have now, see `conductance.outer_faces`."""
+        return conductance.outer_faces(p, self._sim.bonds.pairs, self.permeability.factors)
 
     def transport(self, p, net, begin: float, dt: float, stages: int, find_pressure) -> None:
         """Let water flow through `net` for `dt` s from the time `begin`.
 
-        `find_pressure` is a function of the seconds gone that fills pressure, porosity and saturation from the content;
-        those of the start are there.
+        `find_pressure` is a function of the seconds gone that fills pressure and saturation from the content; those of
+        the start are there.
         """
         n, pairs = p.owned, self._sim.bonds.pairs
         conducted, drop, inflows = net
@@ -190,8 +196,7 @@ class FlowingWater(UndrainedWater):
         """Fill `flow_state` of all points."""
         _describe(
             p.owned, p.material, self.pores.porosity, self.curves, self.permeability.mobility,
-            self.permeability.follows_porosity, p.pore_pressure, p.porosity, p.saturation, p.pore_dilation,
-            p.flow_state,
+            self.permeability.follows_porosity, p.pore_pressure, p.saturation, p.pore_dilation, p.flow_state,
         )  # fmt: skip
         self._sim.halo.update(p, "flow_state")
 
@@ -208,23 +213,26 @@ class FlowingWater(UndrainedWater):
         return maximum(
             self._sim.comm,
             _largest_rate(
-                p.owned, p.material, self.curves, self.pores.bulk_modulus, p.volume, p.pore_dilation, p.porosity,
-                p.pore_pressure, compliance, sums,
+                p.owned, p.material, self.pores.porosity, self.curves, self.pores.bulk_modulus, p.volume,
+                p.pore_dilation, p.pore_pressure, compliance, sums,
             ),
         )  # fmt: skip
 
 
+def flowing_water(sim) -> FlowingWater:
+    """The water that flows in a simulation."""
+    return next(process for process in sim.point_processes if isinstance(process, FlowingWater))
+
+
 @kernel
-def _describe(
-    owned, material, initial_porosity, curves, mobility, follows, pressure, porosity, saturation, dilation, state
-):
+def _describe(owned, material, initial_porosity, curves, mobility, follows, pressure, saturation, dilation, state):
     for i in range(owned):
         m = material[i]
         state[i, 0] = pressure[i]
         state[i, 1] = conductivity_of(curves, m, -pressure[i], saturation[i])
         state[i, 2] = mobility[m]
         if follows:
-            now, then = porosity[i], initial_porosity[m]
+            now, then = porosity_of(initial_porosity[m], dilation[i]), initial_porosity[m]
             state[i, 2] *= (now / then) ** 3 * ((1.0 - then) / (1.0 - now)) ** 2
         state[i, 2] *= dilation[i]
 
@@ -273,12 +281,13 @@ def _sum_conducted(first, second, conducted, state, sums):
 
 
 @kernel
-def _largest_rate(owned, material, curves, bulk, volume, dilation, porosity, pressure, compliance, sums):
+def _largest_rate(owned, material, initial_porosity, curves, bulk, volume, dilation, pressure, compliance, sums):
     largest = 0.0
     for i in range(owned):
-        s, slope = saturation_of(curves, material[i], -pressure[i], porosity[i], dilation[i])
+        porosity = porosity_of(initial_porosity[material[i]], dilation[i])
+        s, slope = saturation_of(curves, material[i], -pressure[i], porosity, dilation[i])
         squeezed = 1.0 + pressure[i] / bulk
-        capacity = volume[i] * dilation[i] * porosity[i] * (s / bulk - slope * squeezed)
+        capacity = volume[i] * dilation[i] * porosity * (s / bulk - slope * squeezed)
         capacity += volume[i] * s * squeezed * compliance[i]
         rate = 2.0 * sums[i] / capacity
         if rate > largest or np.isnan(rate):  # and stays

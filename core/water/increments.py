@@ -77,7 +77,7 @@ class Increments:
         self.running = False
 
     def follow(self, p, dt: float) -> None:
-        """Volume, porosity and saturation after a step of `dt` s towards equilibrium; pressure and water stay."""
+        """Volume and saturation after a step of `dt` s towards equilibrium; pressure and water stay."""
         follow_volume(p, self._sim.scheme.seen_gradient(p), dt)
         self.water.fill_content(p, np.empty(p.owned))
 
@@ -200,7 +200,7 @@ class Increments:
         _fill_pressure(
             p.owned, p.material, water.pores.porosity, p.volume, water.pores.bulk_modulus, water.curves,
             gone / self.length if self.length > 0.0 else 1.0, p.increment, p.water_content, p.pore_dilation,
-            p.porosity, p.saturation, p.pore_pressure,
+            p.saturation, p.pore_pressure,
         )  # fmt: skip
 
     def _assumed(self, p):
@@ -246,10 +246,9 @@ class Increments:
 
 @kernel
 def _fill_pressure(
-    owned, material, initial_porosity, volume, bulk, curves, part, row, content, dilation, porosity, saturation,
-    pressure,
+    owned, material, initial_porosity, volume, bulk, curves, part, row, content, dilation, saturation, pressure,
 ):  # fmt: skip
-    """p, J, phi and S of the owned points that hold `content` m^3, when a `part` of the increment is over.
+    """p, J and S of the owned points that hold `content` m^3, when a `part` of the increment is over.
 
     By Newton's method within a bracket: what pores hold grows with the pressure.
     """
@@ -278,7 +277,7 @@ def _fill_pressure(
             if new == p:
                 break
             p = new
-        pressure[i], dilation[i], porosity[i], saturation[i] = p, ratio, phi, s
+        pressure[i], dilation[i], saturation[i] = p, ratio, s
 
 
 @kernel

@@ -23,7 +23,14 @@ from periporo.core.points.particles import Field
 from periporo.core.ranks.reductions import exact_sum
 from periporo.core.water import smoothing
 from periporo.core.water.bishop import pore_stress
-from periporo.core.water.content import fill_content, fill_pressure, follow_volume, pore_stiffness, stored_energy
+from periporo.core.water.content import (
+    fill_content,
+    fill_pressure,
+    follow_volume,
+    pore_stiffness,
+    porosities,
+    stored_energy,
+)
 from periporo.core.water.pressure import FreeWater, GivenPressure, Profile, UniformSuction
 from periporo.core.water.retention import FULL, Retention, packed, saturations
 
@@ -90,10 +97,10 @@ class PoreWater:
     """What every pore water does as a point process; a subclass tells pressure and saturation after a step.
 
     `profile` is the pressure at the start, `free` the free water outside or None. Point fields: `pore_pressure`,
-    `porosity`, `saturation`.
+    `saturation`.
     """
 
-    output = ("pore_pressure", "porosity", "saturation")
+    output: tuple[str, ...] = ("pore_pressure", "saturation")
     derived = {"suction": (1, "Pa", lambda p, n: np.maximum(-p.pore_pressure[:n], 0.0))}
 
     def __init__(self, pores: Pores, profile: Profile, free: FreeWater | None = None):
@@ -110,7 +117,7 @@ class PoreWater:
     def attach(self, sim) -> None:
         """Declare the point fields."""
         self._sim = sim
-        for name, unit in (("pore_pressure", "Pa"), ("porosity", "1"), ("saturation", "1"), ("grain_mass", "kg")):
+        for name, unit in (("pore_pressure", "Pa"), ("saturation", "1"), ("grain_mass", "kg")):
             sim.particles.add_field(Field(name, None, unit, sent=False))
         sim.particles.add_field(Field("pore_stress", None, "Pa"))  # -chi p, and the pressure of free water
         self._bonds = any(bonding_column(block.material) is not None for block in sim.bonds.blocks)
@@ -120,13 +127,12 @@ class PoreWater:
     def initial_fields(self, owned: dict[str, np.ndarray]) -> None:
         """Set what the water is at new points, given `position`, `volume`, `material` and dry `mass`."""
         material, pores = owned["material"], self.pores
-        pressure = self.profile.at(owned["position"], self._sim.time)
-        owned["pore_pressure"], owned["porosity"] = pressure, pores.porosity[material]
-        ratio = np.ones(len(material))
-        owned["saturation"] = saturations(self.curves, material, -pressure, owned["porosity"], ratio)
+        pressure, porosity = self.profile.at(owned["position"], self._sim.time), pores.porosity[material]
+        owned["pore_pressure"] = pressure
+        owned["saturation"] = saturations(self.curves, material, -pressure, porosity, np.ones(len(material)))
         owned["pore_stress"] = pore_stress(pores.factors, material, pressure, owned["saturation"])
         owned["grain_mass"] = owned["mass"]
-        owned["mass"] = owned["mass"] + pores.density * owned["saturation"] * owned["porosity"] * owned["volume"]
+        owned["mass"] = owned["mass"] + pores.density * owned["saturation"] * porosity * owned["volume"]
 
     def update(self, p, bonds, dt: float) -> None:
         """Pressure, saturation and mass at the end of the step, and total stress of the rows."""
@@ -154,7 +160,7 @@ class PoreWater:
             _fill_total(index, first, second, p.pore_stress, block.stress, block.total)
 
     def _advance(self, p, dt: float) -> None:
-        """Pressure, saturation, porosity and mass of the owned points at the end of the step."""
+        """Pressure, saturation and mass of the owned points at the end of the step."""
         raise NotImplementedError
 
     def histories(self) -> dict[str, float]:
@@ -172,12 +178,24 @@ class PoreWater:
 class DrainedWater(PoreWater):
     """Water at the pressure of its place, whatever the soil does; with `frozen` content, for tests of conservation.
 
-    At suction 0 the pores are full of water without pressure.
+    At suction 0 the pores are full of water without pressure. Point field besides: `porosity`.
     """
+
+    output = (*PoreWater.output, "porosity")
 
     def __init__(self, pores: Pores, profile: Profile, free: FreeWater | None = None, *, frozen: bool = False):
         super().__init__(pores, profile, free)
         self.frozen = frozen
+
+    def attach(self, sim) -> None:
+        """Declare the point fields."""
+        super().attach(sim)
+        sim.particles.add_field(Field("porosity", None, "1", sent=False))
+
+    def initial_fields(self, owned) -> None:
+        """Set what the water is at new points, given `position`, `volume`, `material` and dry `mass`."""
+        super().initial_fields(owned)
+        owned["porosity"] = self.pores.porosity[owned["material"]]
 
     def _advance(self, p, dt):
         n, initial = p.owned, self.pores.porosity[p.material[: p.owned]]
@@ -206,6 +224,11 @@ class UndrainedWater(PoreWater):
         super().__init__(pores, profile, free)
         self.weight = pores.density * gravity
         self.smooths = False
+        self.derived = self.derived | {"porosity": (1, "1", lambda p, n: self.porosity(p))}
+
+    def porosity(self, p, rows=slice(None)) -> np.ndarray:
+        """Present porosity of the `rows` of the owned points."""
+        return porosities(self.pores.porosity[p.material[: p.owned][rows]], p.pore_dilation[rows])
 
     def attach(self, sim) -> None:
         """Declare the point fields, and tell blocks what stiffness the water adds to theirs."""
@@ -222,7 +245,7 @@ class UndrainedWater(PoreWater):
     def initial_fields(self, owned) -> None:
         """Set what the water is at new points, given `position`, `volume`, `material` and dry `mass`."""
         super().initial_fields(owned)
-        content = owned["saturation"] * owned["porosity"] * owned["volume"]
+        content = owned["saturation"] * self.pores.porosity[owned["material"]] * owned["volume"]
         owned["water_content"] = content * (1.0 + owned["pore_pressure"] / self.pores.bulk_modulus)
         owned["pore_dilation"] = np.ones(len(content))
 
@@ -248,17 +271,17 @@ class UndrainedWater(PoreWater):
         self.exchange(p, p.water_content)
 
     def fill_content(self, p, content):
-        """The `content` (owned,) m^3 that the present pressure makes in the present volume, porosity and saturation."""
+        """Find saturation and `content` (owned,) m^3 that the present pressure makes in the present volume."""
         fill_content(
             p.owned, p.material, self.pores.porosity, p.volume, p.pore_dilation, self.pores.bulk_modulus, self.curves,
-            p.pore_pressure, p.porosity, p.saturation, content,
+            p.pore_pressure, p.saturation, content,
         )  # fmt: skip
 
     def _fill_pressure(self, p):
-        """Pressure of the content in the present volume, porosity and saturation."""
+        """Find pressure and saturation of the content in the present volume."""
         fill_pressure(
             p.owned, p.material, self.pores.porosity, p.volume, p.pore_dilation, self.pores.bulk_modulus, self.curves,
-            p.water_content, p.porosity, p.saturation, p.pore_pressure,
+            p.water_content, p.saturation, p.pore_pressure,
         )  # fmt: skip
 
     def histories(self) -> dict[str, float]:
@@ -269,8 +292,8 @@ class UndrainedWater(PoreWater):
     def energies(self, p) -> np.ndarray:
         """What the water of the owned points stores by pressure and suction, (n,) J, see `stored_energy`."""
         return stored_energy(
-            p.material[: p.owned], self.pores.bulk_modulus, self.curves, p.pore_pressure, p.porosity, p.pore_dilation,
-            p.volume[: p.owned],
+            p.material[: p.owned], self.pores.porosity, self.pores.bulk_modulus, self.curves, p.pore_pressure,
+            p.pore_dilation, p.volume[: p.owned],
         )  # fmt: skip
 
     def _stiffness(self, block) -> np.ndarray:
@@ -282,8 +305,8 @@ class UndrainedWater(PoreWater):
     def _stiffness_of(self, rows):
         p = self._sim.particles
         return pore_stiffness(
-            rows, p.material, self.pores.bulk_modulus, self.curves, self.pores.factors, p.pore_pressure, p.porosity,
-            p.pore_dilation,
+            rows, p.material, self.pores.porosity, self.pores.bulk_modulus, self.curves, self.pores.factors,
+            p.pore_pressure, p.pore_dilation,
         )  # fmt: skip
 
 

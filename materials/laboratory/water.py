@@ -8,7 +8,7 @@ specimen's volume by its logarithmic strain.
 import numpy as np
 
 from periporo.core.water.bishop import pore_stress
-from periporo.core.water.content import fill_content, fill_pressure
+from periporo.core.water.content import fill_content, fill_pressure, porosities
 from periporo.core.water.pore_water import bonding_variable
 from periporo.core.water.retention import Retention, packed, saturations
 
@@ -32,7 +32,7 @@ class SpecimenWater:
     def shut(self, volumetric: float) -> None:
         """Keep the water that is there at the `volumetric` strain (tension positive)."""
         known = self._known(np.exp(np.array([volumetric])))
-        fill_content(*known, np.array([self.pressure]), np.empty(1), np.empty(1), self._content)
+        fill_content(*known, np.array([self.pressure]), np.empty(1), self._content)
         self.drained = False
 
     def open(self, pressure: float) -> None:
@@ -43,13 +43,13 @@ class SpecimenWater:
         """Pressure (n,) Pa and saturation (n,) at volumetric strains (n,), tension positive."""
         dilation = np.exp(volumetric)
         n = len(dilation)
-        porosity, saturation, pressure = np.empty(n), np.empty(n), np.full(n, self.pressure)
+        saturation, pressure = np.empty(n), np.full(n, self.pressure)
         if self.drained:
-            porosity[:] = np.maximum(1.0 - (1.0 - self._initial) / dilation, 0.0)
+            porosity = porosities(self._initial, dilation)
             saturation = saturations(self._curves, np.zeros(n, np.int64), -pressure, porosity, dilation)
         else:
             content = np.full(n, self._content[0])
-            fill_pressure(*self._known(dilation), content, porosity, saturation, pressure)
+            fill_pressure(*self._known(dilation), content, saturation, pressure)
         return pressure, saturation
 
     def pore_stress(self, volumetric: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from periporo.core.water.flow import FlowingWater
+from periporo.core.water.flow import flowing_water
 from periporo.errors import InputError
 from periporo.io.input.load import parse_scene
 
@@ -22,10 +22,6 @@ def waiting(scene_of, boundaries, water=WATER, *, duration=1000.0, law=SAND, cou
                     stages=[stage, *after], **keys)  # fmt: skip
 
 
-def flow(sim):
-    return next(process for process in sim.point_processes if isinstance(process, FlowingWater))
-
-
 def test_a_load_is_borne_by_the_water_first_and_by_the_soil_at_last(scene_of, started):
     """At once p = q; after long times p is hydrostatic and the soil is compressed as Hooke says; energy is known.
 
@@ -38,9 +34,9 @@ def test_a_load_is_borne_by_the_water_first_and_by_the_soil_at_last(scene_of, st
     }
     water = {k: v for k, v in WATER.items() if k != "suction"} | {"water_table": 0.2}
     sim = started(waiting(scene_of, boundaries, water, initial_stress={"type": "geostatic", "K0": 0.5}))
-    found = []
-    flow(sim).increments.accept, accept = (lambda: (found.append(sim.particles.pore_pressure.copy()), accept())[1],
-                                           flow(sim).increments.accept)  # fmt: skip
+    found, increments = [], flowing_water(sim).increments
+    increments.accept, accept = (lambda: (found.append(sim.particles.pore_pressure.copy()), accept())[1],
+                                 increments.accept)  # fmt: skip
     y = sim.particles.initial_position[:, 1].copy()
     sim.run()
     p, inner, still = sim.particles, (y > 0.03) & (y < 0.17), 9810.0 * (0.2 - y)
@@ -49,7 +45,7 @@ def test_a_load_is_borne_by_the_water_first_and_by_the_soil_at_last(scene_of, st
     down = (p.initial_position - p.position)[:, 1]
     strain = np.polyfit(y[inner], down[inner], 1)[0]
     assert strain == pytest.approx(load / (25e6 + 4.0 / 3.0 * 15e6), rel=0.01)
-    sums, entries = flow(sim).histories(), sim.ledger.entries()
+    sums, entries = flowing_water(sim).histories(), sim.ledger.entries()
     assert sums["water_outflow"] == pytest.approx(down.max() * 0.04, rel=0.06)
     assert abs(sums["water_balance"]) < 1e-13 * sums["water_stored"]
     half = 0.5 * load * sums["water_outflow"]  # of the work of the load; what the soil stores is the other
@@ -86,7 +82,7 @@ def test_where_equilibrium_is_lost_the_next_stage_goes_on(scene_of, started):
     scene["stages"][0] |= {"accuracy": 0.1, "tolerance": 1e-2, "max_steps": 1000}
     sim = started(scene)
     sim.stages[0].run(sim)
-    lost, sums = sim.time, flow(sim).histories()
+    lost, sums = sim.time, flowing_water(sim).histories()
     assert sim.stages[0].lost and 60.0 < lost < 1e5
     assert abs(sums["water_balance"]) < 1e-12 * sums["water_stored"] and sums["water_inflow"] > 0.0
     sim.stage_number = 1

@@ -60,12 +60,12 @@ def test_stiffness_is_the_rate_of_the_pore_stress(bishop, chi):
     """What shut-in water adds to the bulk modulus, against a small compression; what softens adds nothing."""
     factors, curves, step = row(bishop), packed([van_genuchten(0.1, 2.0, 0.2)]), 1e-6
     material, start, one, bulk = np.zeros(1, np.int64), np.array([0.4]), np.ones(1), 1e7
-    porosity, saturation, content, p = np.empty(1), np.empty(1), np.empty(1), np.array([-SUCTION])
-    fill_content(1, material, start, one, one, bulk, curves, p, porosity, saturation, content)
-    expected = pore_stiffness(np.zeros(1, np.int64), material, bulk, curves, factors, p, porosity, one)
+    saturation, content, p = np.empty(1), np.empty(1), np.array([-SUCTION])
+    fill_content(1, material, start, one, one, bulk, curves, p, saturation, content)
+    expected = pore_stiffness(np.zeros(1, np.int64), material, start, bulk, curves, factors, p, one)
     stress = []
     for ratio in (1.0 - step, 1.0 + step):
-        fill_pressure(1, material, start, one, np.array([ratio]), bulk, curves, content, porosity, saturation, p)
+        fill_pressure(1, material, start, one, np.array([ratio]), bulk, curves, content, saturation, p)
         stress.append(pore_stress(factors, material, p, saturation)[0])
     rate = (stress[1] - stress[0]) / (2.0 * step)
     assert expected == pytest.approx(max(rate, 0.0), rel=1e-4)

@@ -4,29 +4,29 @@ import numpy as np
 import pytest
 
 from periporo.core.water.content import fill_content, fill_pressure, stored_energy
-from periporo.core.water.flow import FlowingWater
+from periporo.core.water.flow import flowing_water
 from periporo.core.water.retention import Retention, exponential, packed, tabulated, van_genuchten
 
 PORES, BULK = 0.4, 2e7
 SAND = {"model": "elastic", "density": 1590.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
-ONE, START = np.ones(1), np.zeros(1, np.int64)
+ONE, START, POROSITY = np.ones(1), np.zeros(1, np.int64), np.array([PORES])
 GAMMA, SPEED = 9810.0, 1e-3
 
 
 def known(curves, ratio):
-    return 1, START, np.array([PORES]), ONE, np.array([ratio]), BULK, curves
+    return 1, START, POROSITY, ONE, np.array([ratio]), BULK, curves
 
 
 def test_what_a_squeeze_stores():
     """Full pores squeezed by a tenth of their volume: minus the integral of p dV."""
     curves, content = packed([Retention(0)]), np.empty(1)
-    phi, s, p = np.empty(1), np.empty(1), np.zeros(1)
-    fill_content(*known(curves, 1.0), p, phi, s, content)
+    s, p = np.empty(1), np.zeros(1)
+    fill_content(*known(curves, 1.0), p, s, content)
     ratios, pressures = np.linspace(1.0, 1.0 - 0.1 * PORES, 2001), []
     for ratio in ratios:
-        fill_pressure(*known(curves, ratio), content, phi, s, p)
+        fill_pressure(*known(curves, ratio), content, s, p)
         pressures.append(p[0])
-    energy = stored_energy(START, BULK, curves, p, phi, np.array([ratios[-1]]), ONE)[0]
+    energy = stored_energy(START, POROSITY, BULK, curves, p, np.array([ratios[-1]]), ONE)[0]
     assert energy == pytest.approx(-np.trapezoid(pressures, ratios), rel=1e-3) and energy > 1e4
 
 
@@ -36,10 +36,10 @@ def test_what_drying_stores(curve):
     curves, suctions = packed([curve]), np.linspace(0.0, 2e4, 2001)
     contents = []
     for suction in suctions:
-        content, phi, s = np.empty(1), np.empty(1), np.empty(1)
-        fill_content(*known(curves, 1.0), np.array([-suction]), phi, s, content)
+        content, s = np.empty(1), np.empty(1)
+        fill_content(*known(curves, 1.0), np.array([-suction]), s, content)
         contents.append(content[0])
-    energy = stored_energy(START, BULK, curves, np.array([-2e4]), phi, ONE, ONE)[0]
+    energy = stored_energy(START, POROSITY, BULK, curves, np.array([-2e4]), ONE, ONE)[0]
     assert energy == pytest.approx(-np.trapezoid(suctions, contents), rel=2e-3)
 
 
@@ -56,7 +56,7 @@ def test_steady_flow_takes_what_its_heads_give(scene_of, started):
     sim = started(scene_of(counts=(3, 10), materials=SAND, contacts=[], pore_water=water, boundaries=boundaries,
                            stages=[stage], time_step={"fixed": 2e-3}))  # fmt: skip
     sim.run()
-    process = next(q for q in sim.point_processes if isinstance(q, FlowingWater))
+    process = flowing_water(sim)
     before = process.histories()
     for _ in range(10):
         sim.step()

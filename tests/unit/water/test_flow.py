@@ -7,7 +7,7 @@ from periporo.core.motion.rebuilds import rebuild
 from periporo.core.numerics.jit import kernel
 from periporo.core.points.fields import values
 from periporo.core.water.conductance import pair_conductance, stretched
-from periporo.core.water.flow import FlowingWater
+from periporo.core.water.flow import flowing_water
 from periporo.core.water.stages import integrate
 from periporo.errors import InputError, WaterError
 from periporo.io.input.load import parse_scene
@@ -33,7 +33,7 @@ def row(level, spacing=0.01):
 
 
 def histories(sim):
-    return next(process for process in sim.point_processes if isinstance(process, FlowingWater)).histories()
+    return flowing_water(sim).histories()
 
 
 @kernel
@@ -85,7 +85,7 @@ def test_layered_soil_conducts_by_its_axes(factors, scene_of, started):
     assert (a >= 0.0).all() and inner.sum() >= 8
     assert moments[inner] == pytest.approx(np.tile(np.diag(factors), (inner.sum(), 1, 1)), abs=1e-5)
     side = p.position[:, 0] > p.position[:, 0].max() - 1e-6
-    face = np.sqrt((p.outer_face[side, :d] ** 2).sum(axis=1))
+    face = np.sqrt((flowing_water(sim).outer_faces(p)[side, :d] ** 2).sum(axis=1))
     assert np.median(face) == pytest.approx(0.01 ** (d - 1), rel=0.05)
 
 
@@ -124,7 +124,7 @@ def test_compressed_points_conduct_as_before(scene_of, started):
 def test_faces_of_the_surface(scene_of, started):
     """Area vectors point outwards, are as long as the cells' faces, half a spacing away, and sum up to nothing."""
     sim = started(scene_of(counts=(8, 8), materials=SAND, contacts=[], pore_water=FLOWING, boundaries=OPEN))
-    p, face = sim.particles, sim.particles.outer_face
+    p, face = sim.particles, flowing_water(sim).outer_faces(sim.particles)
     top = (p.position[:, 1] > 0.07) & (np.abs(p.position[:, 0]) < 0.02)
     assert face[top, 1] == pytest.approx(0.01, rel=0.02) and np.abs(face[top, 0]).max() < 1e-5
     assert 0.5 * face[top, 3] / face[top, 1] == pytest.approx(0.005, rel=0.02)
@@ -244,11 +244,11 @@ def test_flow_through_soils_in_series(scene_of, started):
 def test_what_flow_needs_is_said(scene_of, started, tmp_path):
     scene = scene_of(materials=SAND, pore_water=FLOWING)
     dry = {k: v for k, v in FLOWING.items() if k != "conductivity"}
-    with pytest.raises(InputError, match=r"needs a conductivity \(m/s\), or a permeability\s+\(m\^2\)"):
+    with pytest.raises(InputError, match=r"needs\s+a\s+conductivity\s+\(m/s\),\s+or\s+a\s+permeability\s+\(m\^2\)"):
         started(scene | {"pore_water": dry})
-    with pytest.raises(InputError, match="one of: conductivity in m/s, permeability in m"):
+    with pytest.raises(InputError, match=r"one\s+of:\s+conductivity\s+in\s+m/s,\s+permeability\s+in\s+m"):
         parse_scene(scene | {"pore_water": FLOWING | {"permeability": 1e-9}}, ".")
-    with pytest.raises(InputError, match="would pull water of a bulk_modulus of 1000 Pa apart"):
+    with pytest.raises(InputError, match="would pull water of a bulk_modulus of 1000 Pa apart".replace(" ", r"\s+")):
         parse_scene(scene | {"pore_water": FLOWING | {"suction": 500, "bulk_modulus": 1e3}}, ".")
     named = next(iter(scene["materials"]))
     for own, place in (({"permeability": 1e-5}, r"pore_water\.permeability"),
@@ -256,7 +256,7 @@ def test_what_flow_needs_is_said(scene_of, started, tmp_path):
         with pytest.raises(InputError, match=rf"(?s){place}: .* too\s+fast\s+for\s+the\s+time\s+step"):
             started(scene | {"pore_water": dry | own})
     sim = started(scene)
-    process = next(q for q in sim.point_processes if isinstance(q, FlowingWater))
+    process = flowing_water(sim)
     with pytest.raises(WaterError, match=r"too fast for the time step .* are conductivity \(m/s\) and permeability"):
         process._flow(sim.particles, 1e3)
     for text, words in (("0,1\n1000\n", "row 2 has 1 columns, not the 2"), ("0,.9\n1000,.5\n", "saturation must be 1"),
@@ -265,14 +265,14 @@ def test_what_flow_needs_is_said(scene_of, started, tmp_path):
         (tmp_path / "curve.csv").write_text("suction,saturation\n" + text)
         with pytest.raises(InputError, match=words.replace(" ", r"\s+")):
             started(scene | {"pore_water": FLOWING | {"retention": {"table": "curve.csv"}}}, tmp_path)
-    with pytest.raises(InputError, match="there is no material 'sol'"):
+    with pytest.raises(InputError, match=r"there\s+is\s+no\s+material\s+'sol'"):
         parse_scene(scene | {"pore_water": FLOWING | {"soils": {"sol": {}}}}, ".")
     rain = {"rain": {"where": {"body": "block"}, "water": {"rain": 1e-6}}}
-    with pytest.raises(InputError, match="nothing enters or leaves unless water flows"):
+    with pytest.raises(InputError, match=r"nothing\s+enters\s+or\s+leaves\s+unless\s+water\s+flows"):
         parse_scene(scene | {"boundaries": rain, "pore_water": {"suction": 0, "porosity": 0.4}}, ".")
-    with pytest.raises(InputError, match="rain needs gravity"):
+    with pytest.raises(InputError, match=r"rain\s+needs\s+gravity"):
         parse_scene(scene | {"boundaries": rain, "gravity": None}, ".")
-    with pytest.raises(InputError, match="exactly one of pressure, head, flux, rain"):
+    with pytest.raises(InputError, match=r"exactly\s+one\s+of\s+pressure,\s+head,\s+flux,\s+rain"):
         parse_scene(scene | {"boundaries": {"rain": {"where": {"body": "block"}, "water": {}}}}, ".")
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from periporo.core.motion.rebuilds import rebuild
 from periporo.core.scene.doubts import doubts_about
-from periporo.core.water.flow import LEFT, FlowingWater
+from periporo.core.water.flow import LEFT, flowing_water
 from periporo.errors import InputError
 from periporo.io.input.load import parse_scene
 
@@ -39,7 +39,12 @@ def at(obstacle, **kind):
 
 
 def histories(sim):
-    return next(process for process in sim.point_processes if isinstance(process, FlowingWater)).histories()
+    return flowing_water(sim).histories()
+
+
+def faces(sim):
+    """Those of the first boundary of the first stage."""
+    return sim.stages[0].inflows[0].faces(sim.particles, flowing_water(sim).outer_faces(sim.particles))
 
 
 @pytest.mark.parametrize("dimension, counts", [(2, (4, 20)), (3, (4, 4, 10))])
@@ -74,12 +79,10 @@ def test_a_drain_behind_a_wall(dimension, counts, scene_of, started):
     curve = {"retention": {"van_genuchten": {"alpha": 1.0, "n": 2.0}}}
     sim = started(held(scene_of, dimension, counts, {"drain": at("wall", rain=0)}, contacts, water=water | curve,
                        step=1e-4))  # fmt: skip
-    p = sim.particles
-    inflow = sim.stages[0].inflows[0]
-    faces = inflow.faces(p)
-    assert len(faces.rows) == np.prod(counts[1:]) and (p.position[faces.rows, 0] > side - H).all()
-    assert faces.area.sum() == pytest.approx(width * height, rel=EDGES[dimension])
-    assert faces.normal[:, 0] == pytest.approx(1.0)
+    p, found = sim.particles, faces(sim)
+    assert len(found.rows) == np.prod(counts[1:]) and (p.position[found.rows, 0] > side - H).all()
+    assert found.area.sum() == pytest.approx(width * height, rel=EDGES[dimension])
+    assert found.normal[:, 0] == pytest.approx(1.0)
     sim.inflows = sim.stages[0].inflows
     sim.step()
     left = p.exchanged_water[:, LEFT] > 0.0
@@ -97,19 +100,20 @@ def test_faces_follow_soil_and_obstacle(scene_of, started):
     """Soil that leaves a wall has no face there any more; a round pipe has the faces around it."""
     boundaries = {"drain": at("wall", pressure=0.0)}
     sim = started(held(scene_of, 2, (6, 6), boundaries, [wall(2, 0.03)], gravity=None))
-    inflow, p = sim.stages[0].inflows[0], sim.particles
-    assert len(inflow.faces(p).rows) == 6
+    p = sim.particles
+    assert len(faces(sim).rows) == 6
     p.position[:, 0] -= 0.5 * H
     rebuild(sim)
-    assert len(inflow.faces(p).rows) == 0
+    sim.evaluate_forces()
+    assert len(faces(sim).rows) == 0
     p.position[:, 0] += 0.45 * H
-    assert len(inflow.faces(p).rows) == 6
+    assert len(faces(sim).rows) == 6
     hole = {"type": "disc", "name": "wall", "center": [0.0, 0.1], "radius": 0.04, "friction": 0.0}
     body = {"name": "block", "material": "soil",
             "shape": {"type": "polygon", "vertices": [[-0.1, 0.0], [0.1, 0.0], [0.1, 0.06], [-0.1, 0.06]]}}  # fmt: skip
     sim = started(held(scene_of, 2, (6, 6), boundaries, [hole], bodies=[body]))
-    inflow, p = sim.stages[0].inflows[0], sim.particles
-    rows = inflow.faces(p).rows
+    p = sim.particles
+    rows = faces(sim).rows
     gap = np.sqrt(((p.position[rows] - [0.0, 0.1]) ** 2).sum(axis=1)) - 0.04
     assert 2 <= len(rows) < 20 and gap.max() < 0.75 * H
 
