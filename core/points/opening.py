@@ -53,7 +53,7 @@ class Opening:
         limit = self._limit(stress, state)
         _open(self.column, active, before, modulus, limit, stress, strain_increment, state)
         if self._dilatancy == 0.0:
-            _release(self.column, active, modulus, limit, stress, state)
+            _release(self.column, active, before, modulus, limit, stress, state)
 
 
 def advance_rows(material: Material, stress, strain_increment, state, dt: float) -> None:
@@ -125,16 +125,17 @@ def _open(column, active, before, bulk, limit, stress, strain, state):
 
 
 @kernel
-def _release(column, active, bulk, limit, stress, state):
-    """Let open rows of soil without tension expand into their gap at once, by what the last step made them bear.
+def _release(column, active, before, bulk, limit, stress, state):
+    """Let open rows of soil without tension expand into their gap at once, by what this step made them bear.
 
     Their law did not see the gap, and took dilation for confined: its pressure would push apart what is open already.
     """
     for r in range(stress.shape[0]):
         opened = state[r, column]
         now = (stress[r, 0] + stress[r, 1] + stress[r, 2]) / 3.0
-        if active[r] and opened > 0.0 and limit[r] <= 0.0 and now < 0.0:
-            filled = min(-now / bulk[r], opened)
+        gained = min(before[r], 0.0) - now
+        if active[r] and opened > 0.0 and limit[r] <= 0.0 and gained > 0.0:
+            filled = min(gained / bulk[r], opened)
             state[r, column] = opened - filled
             for c in range(stress.shape[1]):
                 stress[r, c] *= 1.0 + filled * bulk[r] / now
