@@ -42,7 +42,7 @@ from periporo.contact.rigid import RigidContact
 from periporo.core.motion.relaxation import RelaxationError
 from periporo.core.run import run as run_scene
 from periporo.core.scene.check import check_scene
-from periporo.core.watch.watchdog import WatchdogError
+from periporo.core.watch.watchdog import WatchdogError, borrowed
 from periporo.errors import ContactError, InputError
 
 from . import FIGURES, ROOT, option_parser
@@ -73,9 +73,7 @@ class Watch:
         p, n = sim.particles, sim.particles.owned
         momentum = (p.mass[:, None] * p.velocity[:n]).sum(axis=0)
         size = float((p.mass * np.sqrt((p.velocity[:n] ** 2).sum(axis=1))).sum())
-        kick = p.velocity[:n] - p.previous_velocity[:n]  # a dt / 2
-        borrowed = float((0.5 * p.mass * (kick**2).sum(axis=1)).sum())
-        self.seen.append((sim.step_number, sim.ledger.entries(), momentum, size, borrowed))
+        self.seen.append((sim.step_number, sim.ledger.entries(), momentum, size, borrowed(sim)))
 
     def gain(self):
         """Largest energy from nothing over the energy at hand, and the channel that gave it."""
@@ -88,7 +86,7 @@ class Watch:
             "internal": -table["internal_energy"],
             "contact": -table["contact_energy"], "friction": -table["friction_dissipation"],
             "damping": -table["damping_dissipation"],
-            "integration": table["energy_residual"] - np.array([borrowed for *_, borrowed in self.seen]),
+            "integration": table["energy_residual"] - np.array([lent for *_, lent in self.seen]),
         }  # fmt: skip
         shares = {name: float((value / hand).max()) for name, value in given.items()}
         where = max(shares, key=shares.get)

@@ -2,11 +2,13 @@
 
 import numpy as np
 
+from periporo.core.scene.boundaries import over_time
 from periporo.core.scene.pressures import known_pressures, pressure_around
 from periporo.core.water.bishop import bishop_of
 from periporo.core.water.flow import MOST_STAGES, TOO_FAST, FlowingWater, Permeability, flowing_water
 from periporo.core.water.increments import Increments
-from periporo.core.water.pore_water import DrainedWater, Pores, PoreWater, UndrainedWater
+from periporo.core.water.pore_water import DrainedWater, PoreWater, UndrainedWater
+from periporo.core.water.pores import Pores
 from periporo.core.water.pressure import (
     FreeWater,
     GivenPressure,
@@ -34,7 +36,7 @@ def build_water(scene, materials) -> PoreWater:
     pores = Pores(_porosities(scene, materials), curves, factors, water.water_density, water.bulk_modulus)
     free = None
     if water.free_water is not None:
-        free = FreeWater(_over_time(water.free_water.level), *_weight(scene))
+        free = FreeWater(over_time(water.free_water.level), *_weight(scene))
     if water.drainage == "flowing":
         passed = {b.water.kind for b in scene.boundaries.values() if b.water is not None}
         flowing = FlowingWater(pores, _profile(scene), free, _permeability(scene), passed)
@@ -129,22 +131,17 @@ def _profile(scene) -> Profile:
     water = scene.pore_water
     if water.suction is not None:
         suction = water.suction
-        return UniformSuction(_over_time(suction), max(suction.values), varies=len(set(suction.values)) > 1)
+        return UniformSuction(over_time(suction), max(suction.values), varies=len(set(suction.values)) > 1)
     if water.pressure is not None:
         return _given(scene)
     weight, up = _weight(scene)
     return Hydrostatic(_table(water, up), weight, up, water.largest_suction)
 
 
-def _over_time(history):
-    """The history as a function of time."""
-    return lambda time: float(np.interp(time, history.times, history.values))
-
-
 def _table(water, up):
     """Levels of the water table as a function of place and time."""
     if water.water_table is not None:
-        return level_table(_over_time(water.water_table))
+        return level_table(over_time(water.water_table))
     if water.phreatic_surface is not None:
         raster = read_raster(water.phreatic_surface)
         return lambda position, time: raster.at(np.clip(position[:, :2], raster.corner, raster.far_corner))
