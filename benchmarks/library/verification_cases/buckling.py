@@ -81,7 +81,7 @@ def post_buckling(full=False, scheme=DEFAULT):
     true, true_chord = pressed(slenderness, stress, BULK, SHEAR, slope=1.0)
     true_load, true_exact = elastica(true)
     for points in (8, 12) if full else (6,):
-        for spread, target in ((False, None if full else 0.055), (True, {8: None, 12: 0.01, 6: 0.025}[points])):
+        for spread, target in ((False, {6: 0.055, 12: 0.01}.get(points)), (True, {6: 0.025, 12: 0.01}.get(points))):
             rise, chord = _pressed(points, slenderness, stress, 2e-4, scheme, 1e-5, spread)
             load, exact = elastica(rise)
             what = f"{points} points of thickness, {'spread' if spread else 'lattice'}"
