@@ -20,7 +20,7 @@ from periporo.core.scene.source import Source, naming, read_everywhere
 from periporo.core.simulation import Simulation
 from periporo.core.watch.interrupt import Interrupted, Keeper, Signals
 from periporo.core.watch.observers import Callback, HistoryObserver, ProgressObserver, ResultObserver, present_obstacles
-from periporo.core.watch.state import State, StateError, memory, tables
+from periporo.core.watch.state import State, StateError, to_keep
 from periporo.core.watch.state import resume as resume_from
 from periporo.core.watch.summary import figures_of, history_units, summary
 from periporo.core.watch.watchdog import Watchdog
@@ -204,8 +204,8 @@ def _keeper(scene, target, writer, walltime, signals, message, began):
 
     def write(sim):
         writer.sync()
-        now = sim.step_number, memory(sim), tables(sim)
-        return checkpoint.write(writer.background, target, *now, configuration, chosen.keep, scene.output.parts)
+        parts = chosen.keep, scene.output.parts
+        return checkpoint.write(writer.background, target, *to_keep(sim), configuration, *parts)
 
     interval = None if scene.checkpoint is None else chosen.interval
     return Keeper(write, signals, writer.background, interval=interval, walltime=walltime, message=message, began=began)

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -32,6 +32,8 @@ class Stage(ABC):
     construction: Construction | None = field(default=None, kw_only=True)
     sleeps: ClassVar[bool] = False
     """Whether points may sleep, where the scene lets them."""
+    resumes_from: ClassVar[Any] = None
+    """The `State` that a checkpoint is to hold, where a run cannot go on from the present one."""
 
     def run(self, sim, resumed: bool = False) -> None:
         """Put the stage's conditions in force and go through it, or through the rest of it if `resumed`."""

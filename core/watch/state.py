@@ -55,18 +55,27 @@ def capture(sim) -> State:
     return State(points, [own_rows(sim, r) for r in sim.bonds.carriers], memory(sim), sim.domain)
 
 
-def tables(sim):
-    """The present state as tables for a file: (name, keys (n,), columns by name) of the points, then of each carrier.
+def tables(sim, state: State | None = None):
+    """The present state, or another, as tables for a file: (name, keys (n,), columns by name) of points and carriers.
 
     Rows are sorted by their keys; `State.of_tables` takes the columns back.
     """
-    order = np.argsort(sim.particles.id[: sim.particles.owned], kind="stable")
-    columns = {name: getattr(sim.particles, name)[order] for name in point_fields(sim)}
+    n = sim.particles.owned
+    points = {name: getattr(sim.particles, name)[:n] for name in point_fields(sim)} if state is None else state.points
+    order = np.argsort(points["id"], kind="stable")
+    columns = {name: array[order] for name, array in points.items()}
     yield "points", columns["id"], columns
-    for held in sim.bonds.carriers:
-        rows = own_rows(sim, held)
+    for k, held in enumerate(sim.bonds.carriers):
+        rows = own_rows(sim, held) if state is None else state.rows[k]
         columns = {"ids": rows.ids, "stress": rows.stress, "state": rows.state}
         yield f"rows_{held.index}", rows.ids[:, 0], columns
+
+
+def to_keep(sim):
+    """Step, memory and tables that a checkpoint holds: of the present state, or of the one its stage resumes from."""
+    state = sim.stages[sim.stage_number].resumes_from
+    kept = memory(sim) if state is None else state.memory
+    return kept["simulation"]["step_number"], kept, tables(sim, state)
 
 
 def own_rows(sim, held) -> Carried:
