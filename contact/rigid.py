@@ -22,7 +22,7 @@ mass than its point, and its damping would need shorter steps.
 import numpy as np
 
 from periporo.contact.motion import Motion, Pose, velocity_between
-from periporo.contact.penalty import SOON, add_contact_force, guide_points, resist_faces
+from periporo.contact.penalty import SOON, add_contact_force, are_at, guide_points, resist_faces
 from periporo.contact.reaction import Feelers, Reaction
 from periporo.contact.search import Search, largest_length
 from periporo.contact.surfaces import Surface
@@ -61,7 +61,7 @@ class RigidContact:
         self.reach = 0.5 * spacing
         self.skin = skin
         self.stiffness = stiffness
-        self._friction = friction
+        self._friction = friction if isinstance(friction, FrictionMap) else np.array([friction], float)
         self.damping = damping
         self.motion, self.reaction, self.feelers = motion, reaction, feelers
         self.modulus = modulus
@@ -166,10 +166,10 @@ class RigidContact:
         if self.reaction is not None:
             self.reaction.watch(p, rows)
         if len(rows):
-            x = p.position[rows]
+            x = p.position.take(rows, axis=0)
             gap, normal = self._gap(x, self.pose)
             self._seen = rows, self.pose, x, gap, normal
-            obstacle = np.zeros_like(x)
+            obstacle = np.zeros(x.shape)
             if before is not None and self.pose is not None:
                 obstacle = velocity_between(before, self.pose, dt, x)
             add_contact_force(
@@ -216,7 +216,7 @@ class RigidContact:
         rows, gap, normal = self._soon
         resist_faces(
             rows, gap, normal, p.velocity, p.gradient, p.share, self.reach, dt * self.stiffness, p.widths(),
-            isinstance(self._friction, FrictionMap) or self._friction > 0.0, force, moment, p.dim,
+            isinstance(self._friction, FrictionMap) or self._friction[0] > 0.0, force, moment, p.dim,
         )  # fmt: skip
 
     def _held(self, p, time, ahead, filled=None):
@@ -255,7 +255,7 @@ class RigidContact:
         if not len(rows):
             return
         there, pose, x, gap, normal = self._seen
-        if not (there is rows and pose is self.pose and np.array_equal(x, p.position[rows])):  # something has moved
+        if not (there is rows and pose is self.pose and are_at(rows, x, p.position)):  # something has moved
             gap, normal = self._gap(p.position[rows], self.pose)
         guide_points(
             rows, gap, np.ascontiguousarray(normal), self.reach, p.own(self.cell), room, part, way, lift, p.dim
@@ -265,7 +265,7 @@ class RigidContact:
         """Coefficients of friction where the obstacle is now at each `place` (n, d) m: (n,), or (1,) for all."""
         if isinstance(self._friction, FrictionMap):
             return self._friction.at(place if self.pose is None else self.pose.entered(place))
-        return np.array([self._friction], float)
+        return self._friction
 
     def outline(self, p: Particles, time: float, middle: np.ndarray, size: float):
         """How the obstacle is drawn at this time, see `Surface.outline`."""

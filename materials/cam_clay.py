@@ -202,7 +202,10 @@ class CamClay(MaterialParameters):
 
     def elastic_moduli(self, stress, state):
         """Constant moduli, or those of the present pressure, two (n,) arrays in Pa."""
-        return _moduli(self._numbers[None], stress)
+        if self.poisson_ratio is not None:
+            return _moduli(self._numbers[None], stress)
+        n = len(stress)
+        return np.full(n, self.bulk_modulus), np.full(n, self.shear_modulus)
 
     def friction_angles(self, dimension: int) -> FrictionAngles:
         """The angles of the critical state in each kind of test; the same in both dimensions."""
