@@ -162,16 +162,18 @@ class PointState(Standard):
             return
         p = particles
         self._describe_ends(p, bonds)
-        for block in flowing:
-            regularity.describe(block, p, self._dt, viscous=not self._is_quasi_static)
+        moduli = [block.elastic_moduli() for block in flowing]
+        for block, (bulk, _) in zip(flowing, moduli, strict=True):
+            regularity.describe(block, bulk, p, self._dt, viscous=not self._is_quasi_static)
         exchanging = [block for block in flowing if block.exchanges]
+        theirs = [of_block for block, of_block in zip(flowing, moduli, strict=True) if block.exchanges]
         if exchanging or not self.sharpened:
             halo.update(p, "link", "flow", "flow_stress")
         else:  # stress stays, so that it may go with the same message
             self._show_stress(p, bonds)
             halo.update(p, "link", "flow", "seen")
             self._stress_is_shown = True
-        regularity.exchange(p, bonds.pairs, exchanging, self.horizon, self.table)
+        regularity.exchange(p, bonds.pairs, exchanging, theirs, self.horizon, self.table)
         self._ends_are_known = True
 
     def rearrange(self, particles, motions, contacts) -> None:

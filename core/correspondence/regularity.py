@@ -56,12 +56,12 @@ def fields(dimension: int, components: int) -> tuple[Field, ...]:
     )
 
 
-def describe(block, p, dt: float, viscous: bool) -> None:
+def describe(block, bulk, p, dt: float, viscous: bool) -> None:
     """Tell `flow` and `flow_stress` of the points with a row in `block` from the step that their law has answered.
 
-    `viscous` is whether there is bulk viscosity: not in a quasi-static relaxation.
+    `bulk` (rows,) Pa is their present modulus, and `viscous` whether there is bulk viscosity: not in a quasi-static
+    relaxation.
     """
-    bulk, _ = block.elastic_moduli()
     part = EXCHANGE if block.exchanges else 0.0
     _describe(
         block.first, block.active, dt, part, VISCOSITY if viscous else 0.0, block.opening.column, block.stress,
@@ -70,11 +70,11 @@ def describe(block, p, dt: float, viscous: bool) -> None:
     )  # fmt: skip
 
 
-def exchange(p, pairs, blocks, horizon: float, table: np.ndarray) -> None:
+def exchange(p, pairs, blocks, moduli, horizon: float, table: np.ndarray) -> None:
     """Exchange stress between neighbours, and find the ways by which points move apart before the next step.
 
-    `blocks` are those of laws that exchange stress, for it is all that they remember; without any, only pairs matter
-    that are close, which their influence tells, from its `horizon` (m) and `table`.
+    `blocks`, with their `moduli`, are those of laws that exchange stress, for it is all that they remember; without
+    any, only pairs matter that are close, which their influence tells, from its `horizon` (m) and `table`.
     """
     count = p.total if blocks else 0
     stress, mean = np.zeros((count, p.components)), np.zeros(count)
@@ -83,8 +83,7 @@ def exchange(p, pairs, blocks, horizon: float, table: np.ndarray) -> None:
         pairs.first, pairs.second, pairs.weight, horizon, table, p.widths(), p.position, p.material, p.link, p.flow,
         p.flow_stress, stress, mean, p.rearrangement, p.dim,
     )  # fmt: skip
-    for block in blocks:
-        bulk, shear = block.elastic_moduli()
+    for block, (bulk, shear) in zip(blocks, moduli, strict=True):
         limit = block.material.tension_limit(block.stress, block.state)
         _apply(
             block.first, block.active, bulk, shear, limit, block.opening.column, p.volume, p.share, p.flow, stress,
