@@ -65,7 +65,7 @@ COLUMN = {
 
 
 def lammps_seconds(lmp: str) -> float:
-    """Processor time of `LAMMPS_STEPS` steps of the block: its wall time, and the share of it that was the program's."""
+    """Processor time of `LAMMPS_STEPS` steps of the block: the wall time by the share of it that LAMMPS had."""
     text = LPS.format(side=SIDE, last=SIDE - 0.1, steps=LAMMPS_STEPS)
     with tempfile.TemporaryDirectory() as folder:
         script = Path(folder) / "in.peri"
