@@ -10,7 +10,7 @@ NUMBERS = {"A": 14, "B": 0, "C": 13, "D": 0, "E": 13}  # rows of each letter; th
 
 
 HELD = re.compile(r"`(\w+(?:/\w+)*\.py)(?: -k (?:'([^']+)'|(\w+)))?`")  # a file of tests, a part of names
-PROMISES = faults.PAGE.with_name("ground_promises.md")
+PROMISES = [(faults.PAGE.with_name(f"{name}_promises.md"), "", n) for name, n in (("ground", 50), ("water", 35))]
 
 
 def named(page):
@@ -19,7 +19,8 @@ def named(page):
 
 
 @pytest.mark.parametrize(
-    ("page", "folder", "least"), [(faults.PAGE, "", 50), (PROMISES, "", 50), (soil_laws.PAGE, "materials", 15)]
+    ("page", "folder", "least"),
+    [(faults.PAGE, "", 50), *PROMISES, (soil_laws.PAGE, "materials", 15)],
 )  # fmt: skip
 def test_every_test_that_a_page_names_exists(page, folder, least):
     tests = named(page)
