@@ -30,10 +30,10 @@ class Stage(ABC):
     loads: list = field(default_factory=list)
     inflows: list = field(default_factory=list)  # of water
     construction: Construction | None = field(default=None, kw_only=True)
+    begun_with: Any = field(default=None, kw_only=True, repr=False, compare=False)
+    """The `State` in which the present increment or trial began, if it may begin again: what checkpoints hold."""
     sleeps: ClassVar[bool] = False
     """Whether points may sleep, where the scene lets them."""
-    resumes_from: ClassVar[Any] = None
-    """The `State` that a checkpoint is to hold, where a run cannot go on from the present one."""
 
     def run(self, sim, resumed: bool = False) -> None:
         """Put the stage's conditions in force and go through it, or through the rest of it if `resumed`."""

@@ -46,7 +46,6 @@ class StrengthReductionStage(Stage):
     falls: float = np.inf
     began: float = 0.0  # s, the present trial
     last: bool = False  # whether it is shown only
-    resumes_from: State | None = field(default=None, repr=False, compare=False)
     _start: State | None = field(default=None, repr=False, compare=False)
     _recalled: bool = field(default=False, repr=False, compare=False)
     _laws: list = field(default_factory=list, repr=False, compare=False)
@@ -70,7 +69,7 @@ class StrengthReductionStage(Stage):
     def _take_start(self, sim):
         """Remember with what the trials begin."""
         self._laws = [block.material for block in sim.bonds.blocks]
-        self._start = self.resumes_from = capture(sim)
+        self._start = self.begun_with = capture(sim)
 
     def _is_over(self, sim) -> bool:
         if self._recalled and self._start is None:  # resumed at the beginning of a trial
@@ -128,8 +127,9 @@ class StrengthReductionStage(Stage):
         assert self._start is not None  # since the stage began
         now = memory(sim)
         now["simulation"]["skin"] = self._start.memory["simulation"]["skin"]  # with which its neighbours were found
-        self.resumes_from = replace(self._start, memory=now)
-        install(sim, self.resumes_from)
+        begun_with = replace(self._start, memory=now)
+        install(sim, begun_with)
+        self.begun_with = begun_with
         self._set_off(sim)
 
     def _set_off(self, sim):
@@ -148,7 +148,7 @@ class StrengthReductionStage(Stage):
     def _finish(self, sim) -> str:
         for block, law in zip(sim.bonds.blocks, self._laws, strict=True):
             block.use(law)
-        self.resumes_from = None
+        self.begun_with = None
         return f"factor of safety {self.safety:.4g}: stands at {self.stands:.4g}, falls at {self.falls:.4g}"
 
     def memory(self) -> dict:
