@@ -137,12 +137,13 @@ def _simulate(arguments) -> int:
     from periporo.core.bonds.bonds import RefusedStep
     from periporo.core.motion.relaxation import RelaxationError
     from periporo.core.run import run
-    from periporo.core.scene.check import check_scene
     from periporo.core.watch.strength import StabilityError
     from periporo.core.watch.watchdog import WatchdogError
 
     try:
         if arguments.word == "check":
+            from periporo.core.scene.check import check_scene
+
             return check_scene(arguments.config, comm)
         run(
             arguments.config, comm=comm, resume=arguments.resume, overwrite=arguments.overwrite,
