@@ -68,3 +68,9 @@ def test_what_takes_long_is_run_by_all_schemes_and_around_the_default():
     assert {c.scheme for n, c in plan if n == 10} == set(pareto.SCHEMES)
     assert sum(c == pareto.DEFAULT for _, c in plan) == 3 and (20, pareto.Choice("sub_horizon")) not in plan
     assert {c.m for _, c in plan} == {1.8, 2.2, 3.0} and len(plan) == len(set(plan))
+
+
+def test_where_nothing_flows_the_default_stands_for_what_is_not_regular():
+    uneven, elastic = pareto.Choice(pareto.UNEVEN), [pareto.Run(pareto.DEFAULT, 8, 0.1, 1.0)]
+    assert pareto.twin(uneven, elastic) == pareto.DEFAULT and pareto.twin(pareto.DEFAULT, elastic) == pareto.DEFAULT
+    assert pareto.twin(uneven, [*elastic, pareto.Run(uneven, 8, 0.2, 1.0)]) == uneven
