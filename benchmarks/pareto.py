@@ -20,7 +20,7 @@ pareto_<problem>.csv, pareto.md and pareto.png. A problem that is run alone leav
 
 import csv
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -162,6 +162,7 @@ PROBLEMS = {
     "bars": lambda quick: flows((10,), 20, problems.bars_error, quick),
     "collapse": collapses,
 }
+ELASTIC = ("V5", "V6 grid", "V6 cloud", "V7")
 
 
 def stable(runs):
@@ -187,10 +188,9 @@ def excess(runs, choice):
     return float(np.exp(np.log(ratios).mean())) if ratios else np.nan
 
 
-def twin(choice, runs):
+def twin(choice, problem):
     """The choice, or the default in its place where nothing flows and the two are one."""
-    same = choice.scheme == UNEVEN and all(r.choice.scheme != UNEVEN for r in runs)
-    return replace(choice, scheme=DEFAULT.scheme) if same else choice
+    return DEFAULT if choice.scheme == UNEVEN and problem in ELASTIC else choice
 
 
 def dominates(one, other):
@@ -234,7 +234,7 @@ def tables(found):
             words = f"{c.scheme} | {c.influence} | {c.m} | {c.safety}"
             lines.append(f"{start}| {words} | {r.resolution:g} | {r.error:.2e} | {r.seconds:.3g} |")
     every = list(dict.fromkeys(r.choice for runs in found.values() for r in runs))
-    ratios = {c: np.array([excess(runs, twin(c, runs)) for runs in found.values()]) for c in every}
+    ratios = {c: np.array([excess(runs, twin(c, name)) for name, runs in found.items()]) for c in every}
     complete = {c: float(np.exp(np.log(r).mean())) for c, r in ratios.items() if np.isfinite(r).all()}
     ranked = sorted(complete, key=complete.get)
     shown = ranked[:12] + [c for c in ranked[12:] if c == DEFAULT or c == Choice(c.scheme)]
