@@ -32,8 +32,6 @@ class Stage(ABC):
     construction: Construction | None = field(default=None, kw_only=True)
     sleeps: ClassVar[bool] = False
     """Whether points may sleep, where the scene lets them."""
-    resumes_from: ClassVar[Any] = None
-    """The `State` that a checkpoint is to hold, where a run cannot go on from the present one."""
 
     def run(self, sim, resumed: bool = False) -> None:
         """Put the stage's conditions in force and go through it, or through the rest of it if `resumed`."""
@@ -109,6 +107,11 @@ class Stage(ABC):
     @abstractmethod
     def _finish(self, sim) -> str:
         """After the last step; what the observers are told of it."""
+
+    @property
+    def resumes_from(self) -> Any:
+        """The `State` that a checkpoint is to hold, where a run cannot go on from the present one."""
+        return None
 
     @abstractmethod
     def memory(self) -> dict:
