@@ -78,6 +78,9 @@ def exchange(p, pairs, blocks, moduli, horizon: float, table: np.ndarray) -> Non
     any, only pairs matter that are close, which their influence tells, from its `horizon` (m) and `table`.
     """
     p.exchanged_strain.fill(0.0)
+    p.clear(p.rearrangement)
+    if blocks:
+        p.clear(p.sums[:, _MEAN:])
     _exchange(
         pairs.first, pairs.second, pairs.weight, len(blocks) > 0, horizon, table, p.widths(), p.position, p.material,
         p.link, p.flow, p.flow_stress, p.sums, p.rearrangement, p.dim,
@@ -91,7 +94,8 @@ def exchange(p, pairs, blocks, moduli, horizon: float, table: np.ndarray) -> Non
 
 
 def stop(p, rows: np.ndarray) -> None:
-    """Let the points in `rows` take no part in what their neighbours exchange; they keep their size."""
+    """Let the points in `rows` take no part in what their neighbours exchange, and stay; they keep their size."""
+    p.rearrangement[rows] = 0.0
     p.flow[rows, ACTIVITY] = p.flow[rows, MOVED] = p.flow[rows, PART] = 0.0
 
 
@@ -193,19 +197,14 @@ def _exchange(
     first, second, weight, exchanges, horizon, table, width, position, material, link, flow, flow_stress, sums,
     rearrangement, dim,
 ):  # fmt: skip
-    """Ways of `rearrangement`, and what points are given of stress and of its mean, in columns of `sums`."""
+    """Add ways to `rearrangement`, and what points are given of stress and of its mean to columns of `sums`."""
     components = len(la.zero_symmetric(dim))
     least = 0.0
-    if exchanges:
-        for i in range(sums.shape[0]):
-            for e in range(components + 1):
-                sums[i, _MEAN + e] = 0.0
-    elif width.shape[0] == 0:  # rings weigh by their widths, too
+    if not exchanges and width.shape[0] == 0:  # rings weigh by their widths, too
         largest = 0.0
         for i in range(flow.shape[0]):
             largest = max(largest, flow[i, SIZE])
         least = _BELOW * influence(1.0 - NEAREST * largest / horizon, table)
-    rearrangement[:] = 0.0
     for b in range(first.shape[0]):
         w = weight[b]
         if w < least or w == 0.0:
