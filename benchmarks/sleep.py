@@ -2,7 +2,7 @@
 
     python -m benchmarks sleep                                        # the gallery's column, one draw
     python -m benchmarks sleep --scene slide --speeds 1e-3 1e-2 --seeds 0 1 2
-    python -m benchmarks sleep --scene slide --speeds 1e-2 --spacing 2.5e-3 --until 0.04    # its begin, with many points
+    python -m benchmarks sleep --scene slide --speeds 1e-2 --spacing 2.5e-3 --until 0.04   # its begin, with many points
 
 `column` is `column_collapse` of the gallery. In `slide` a column of dry sand beside a wall collapses on a bed of firm
 soil, of which nine tenths stay at rest, against a second wall. Each row is a run: the bound `speed` (0: nobody sleeps),
