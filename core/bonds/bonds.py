@@ -66,10 +66,13 @@ class Bonds:
         """All rows that last through rebuilds, in the order of their `index`."""
         return [*self.blocks, *([] if self.links is None else [self.links])]
 
-    def collect(self, comm, particles: Particles, owner: np.ndarray, others_sleep: bool = True) -> None:
+    def collect(
+        self, comm, particles: Particles, owner: np.ndarray, others_sleep: bool = True, divided: bool = True
+    ) -> None:
         """Set the active rows' state aside for a rebuild, sharing it with the points' new owners.
 
-        Rows between sleepers stay where they are, unless others may sleep now (`others_sleep`), or on another rank.
+        Rows between sleepers stay where they are, unless `others_sleep` now, and an end of theirs is awake, or space is
+        `divided` anew.
         """
         moved = np.unique(owner[(owner != comm.rank) & (owner != GONE)]).tolist() if comm.size > 1 else []
         for block in self.blocks:
@@ -77,9 +80,10 @@ class Bonds:
         for rows in self.carriers:
             ids, place = rows.layout.keys(rows, self.pairs)
             carried = Carried(ids, place, rows.active, rows.stress, rows.state)
-            rested = rows.resting if others_sleep else None
+            rested = rows.resting if others_sleep or divided else None
             if rested is not None:
-                carried, rows.resting = carried.together(rested), None
+                rows.resting, woken = (None, rested) if divided else rested.parted(particles)
+                carried = carried.together(woken)
             outgoing = {}
             if moved:
                 ends = self._ends_of(particles, rows, carried, rested is not None)
@@ -119,6 +123,7 @@ class Bonds:
     def rebuild(self, particles: Particles, reach: float) -> None:
         """Find the pairs within `reach` m and give back the state that `collect` set aside."""
         self.pairs.find(particles, reach)
+        particles.note_pairs(self.pairs.first, self.pairs.second)
         start = 0
         for block in self.blocks:
             block.restore(self.blocks, self.pairs, particles)
