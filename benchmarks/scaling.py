@@ -6,10 +6,11 @@
     mpirun -n 2 python -m benchmarks scaling speedup --side 200            # 40 000 points in the plane, 1 and 2 ranks
     mpirun -n 2 python -m benchmarks scaling speedup --side 40 --dimension 3   # 64 000 points in space
     mpirun -n 2 python -m benchmarks scaling parts --side 200              # where the time of a step goes
+    mpirun -n 2 python -m benchmarks scaling machine                       # what two cores have in common
     python -m benchmarks scaling memory --side 2000                        # 4 million points: set up and step
 
-Only `speedup` and `parts` measure time, and mean something with a core for each rank. The rest is counted, so that
-ranks may share cores. `sweep` starts `count` by mpirun, which takes the same words.
+Only `speedup`, `parts` and `machine` measure time, and mean something with a core for each rank. The rest is counted,
+so that ranks may share cores. `sweep` starts `count` by mpirun, which takes the same words.
 """
 
 import json
@@ -25,6 +26,7 @@ from periporo.io.input.load import parse_scene
 
 from . import option_parser
 from .library.ranks import start
+from .roofline import multiply_add, triad
 
 COMM = MPI.COMM_WORLD
 ELASTIC = {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
@@ -190,6 +192,42 @@ def speedup(arguments):
               f"without the memory they share {np.median(together / divided):.2f}", flush=True)  # fmt: skip
 
 
+def machine(arguments):
+    """How much slower each rank is when all work at once, each for itself: in registers, caches, memory; and in steps.
+
+    What slows work in registers is no memory: cores that are halves of one, or a clock that falls.
+    """
+    x, wide = np.ones(2048), [np.ones(8_000_000) for _ in range(3)]
+    near = [array[:20_000].copy() for array in wide]
+    small = block([20, 20], comm=MPI.COMM_SELF)
+    large = block([arguments.side] * arguments.dimension, comm=MPI.COMM_SELF)
+    loads = {
+        "multiply-adds in registers": lambda: multiply_add(x, 0.999, 0.001, 1000),
+        "sums in the second cache": lambda: triad(*near, 400), "sums in memory": lambda: triad(*wide, 1),
+        "steps of 400 points": lambda: timed(small, 40),
+        f"steps of {large.particles.owned:,} points": lambda: timed(large, arguments.steps),
+    }  # fmt: skip
+    for name, load in loads.items():
+        load()
+        figures = []
+        for _ in range(arguments.rounds):
+            began = time.perf_counter()
+            if COMM.rank == 0:
+                load()
+            single = time.perf_counter() - began
+            sleep_until_all_arrive()
+            COMM.Barrier()
+            began = time.perf_counter()
+            load()
+            figures.append((single, time.perf_counter() - began))
+            COMM.Barrier()
+        figures = np.array(COMM.bcast(figures))
+        if COMM.rank == 0:
+            single, together = figures.T
+            print(f"{name}: {np.median(together / single):.2f} times as long on {COMM.size} ranks at once (rounds "
+                  f"{(together / single).min():.2f} to {(together / single).max():.2f})", flush=True)  # fmt: skip
+
+
 def timed(sim, steps):
     """Seconds of a step."""
     began = time.perf_counter()
@@ -246,7 +284,7 @@ def peak():
 
 
 ACTIONS = {"count": count, "sweep": sweep, "collapse": collapse, "speedup": speedup, "parts": parts,
-           "memory": memory}  # fmt: skip
+           "machine": machine, "memory": memory}  # fmt: skip
 
 
 def main(words=None):
@@ -259,6 +297,6 @@ def main(words=None):
     parser.add_argument("--weak", action="store_true", help="sweep with --points on each rank")
     parser.add_argument("--ranks", type=int, nargs="+", default=RANKS, help="of sweep, powers of two")
     parser.add_argument("--steps", type=int, default=100)
-    parser.add_argument("--rounds", type=int, default=9, help="of speedup")
+    parser.add_argument("--rounds", type=int, default=9, help="of speedup and machine")
     arguments = parser.parse_args(words)
     ACTIONS[arguments.what](arguments)
