@@ -18,10 +18,11 @@ from periporo.core.ranks.processors import agree
 from periporo.core.scene.build import build, output_names
 from periporo.core.scene.doubts import without_company
 from periporo.core.scene.source import Source, naming, read_everywhere
+from periporo.core.scene.water_doubts import units_of_water
 from periporo.core.simulation import Simulation
 from periporo.core.watch.interrupt import Interrupted, Keeper, Signals
 from periporo.core.watch.observers import Callback, HistoryObserver, ProgressObserver, ResultObserver, present_obstacles
-from periporo.core.watch.state import State, StateError, memory, tables
+from periporo.core.watch.state import State, StateError, for_file
 from periporo.core.watch.state import resume as resume_from
 from periporo.core.watch.summary import figures_of, history_units, summary
 from periporo.core.watch.watchdog import Watchdog
@@ -139,7 +140,8 @@ def _begin(scene, sim, source, target, state, message):
         jit.remember_warm()
     for remark in jit.remarks:
         message(remark)
-    for remark in without_company(sim, scene):
+    units = units_of_water(scene) if state is None else []  # said once
+    for remark in [*without_company(sim, scene), *units]:
         message(f"doubtful: {remark}")
 
 
@@ -207,9 +209,9 @@ def _keeper(scene, target, writer, walltime, signals, message, began):
 
     def write(sim):
         writer.sync()
-        now = sim.step_number, memory(sim), tables(sim)
         configuration = _fingerprint(scene) if sim.comm.rank == 0 else ""  # which alone writes it
-        return checkpoint.write(writer.background, target, *now, configuration, chosen.keep, scene.output.parts)
+        parts = chosen.keep, scene.output.parts
+        return checkpoint.write(writer.background, target, *for_file(sim), configuration, *parts)
 
     interval = None if scene.checkpoint is None else chosen.interval
     return Keeper(write, signals, writer.background, interval=interval, walltime=walltime, message=message, began=began)

@@ -20,10 +20,9 @@ to the *activity* a of the points, a running mean of the part of the trial stres
 How much of each belongs to a step follows from the Courant number dt c / l, so that it does not depend on the step.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 
+from periporo.core.correspondence.influence import influence
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics import vectors
 from periporo.core.numerics.jit import inlined, kernel
@@ -38,6 +37,7 @@ MEMORY = 0.075  # of the activity, per Courant number
 QUIET = 1e-6  # activity that counts as none
 SENSITIVITY = 0.1  # part of the trial stress that a law takes away in a step, over what it keeps, for a half
 NEAREST = 1.02  # size of points, over the side of a cube of their volume, below which they move apart
+_BELOW = 1.0 - 1e-9  # so that rounding takes no pair away
 REARRANGED = 6.0  # part of the overlap that a shear strain of 1 takes away
 MOST_REARRANGED = 0.01  # of an overlap, in one step
 
@@ -56,12 +56,12 @@ def fields(dimension: int, components: int) -> tuple[Field, ...]:
     )
 
 
-def describe(block, p, dt: float, viscous: bool) -> None:
+def describe(block, bulk, p, dt: float, viscous: bool) -> None:
     """Tell `flow` and `flow_stress` of the points with a row in `block` from the step that their law has answered.
 
-    `viscous` is whether there is bulk viscosity: not in a quasi-static relaxation.
+    `bulk` (rows,) Pa is their present modulus, and `viscous` whether there is bulk viscosity: not in a quasi-static
+    relaxation.
     """
-    bulk, _ = block.elastic_moduli()
     part = EXCHANGE if block.exchanges else 0.0
     _describe(
         block.first, block.active, dt, part, VISCOSITY if viscous else 0.0, block.opening.column, block.stress,
@@ -70,22 +70,20 @@ def describe(block, p, dt: float, viscous: bool) -> None:
     )  # fmt: skip
 
 
-def exchange(p, pairs, blocks, influence_at: Callable[[float], float]) -> None:
+def exchange(p, pairs, blocks, moduli, horizon: float, table: np.ndarray) -> None:
     """Exchange stress between neighbours, and find the ways by which points move apart before the next step.
 
-    `blocks` are those of laws that exchange stress, for it is all that they remember; without any, only pairs matter
-    that are close, which their influence tells: `influence_at` a distance (m) it is the least.
+    `blocks`, with their `moduli`, are those of laws that exchange stress, for it is all that they remember; without
+    any, only pairs matter that are close, which their influence tells, from its `horizon` (m) and `table`.
     """
     count = p.total if blocks else 0
     stress, mean = np.zeros((count, p.components)), np.zeros(count)
-    least = 0.0 if blocks else influence_at(NEAREST * float(p.flow[:, SIZE].max(initial=0.0)))
-    p.rearrangement[:] = p.exchanged_strain[:] = 0.0
+    p.exchanged_strain.fill(0.0)
     _exchange(
-        pairs.first, pairs.second, pairs.weight, least, p.position, p.material, p.link, p.flow, p.flow_stress, stress,
-        mean, p.rearrangement, p.dim,
+        pairs.first, pairs.second, pairs.weight, horizon, table, p.widths(), p.position, p.material, p.link, p.flow,
+        p.flow_stress, stress, mean, p.rearrangement, p.dim,
     )  # fmt: skip
-    for block in blocks:
-        bulk, shear = block.elastic_moduli()
+    for block, (bulk, shear) in zip(blocks, moduli, strict=True):
         limit = block.material.tension_limit(block.stress, block.state)
         _apply(
             block.first, block.active, bulk, shear, limit, block.opening.column, p.volume, p.share, p.flow, stress,
@@ -104,15 +102,14 @@ def rearrange(p, motions, contacts) -> None:
     Obstacles among the `contacts` are mirrors: they guide the points that they hold.
     """
     n = p.awake
-    way, lift, flow = p.rearrangement[:n], np.zeros((n, p.dimension)), p.flow[:n]
-    part, room = flow[:, MOVED].copy(), 0.5 * NEAREST * flow[:, SIZE]
+    way, lift, part, room = p.rearrangement[:n], np.zeros((n, p.dimension)), np.empty(n), np.empty(n)
+    flows = _find_room(p.flow, part, room)
     if motions:
         free = np.ones((n, p.dimension))
         for motion in motions:
             motion.hold_zero(p, way)
             motion.hold_zero(p, free)
         part *= free.all(axis=1)
-    flows = part.any()
     for contact in contacts:
         if flows and hasattr(contact, "guide"):
             contact.guide(p, room, part, way, lift)
@@ -194,9 +191,17 @@ def _shear_rate(g):
 
 @kernel
 def _exchange(
-    first, second, weight, least, position, material, link, flow, flow_stress, stress, mean, rearrangement, dim
-):
+    first, second, weight, horizon, table, width, position, material, link, flow, flow_stress, stress, mean,
+    rearrangement, dim,
+):  # fmt: skip
     components = len(la.zero_symmetric(dim))
+    least = 0.0
+    if mean.shape[0] == 0 and width.shape[0] == 0:  # nothing is exchanged; rings weigh by their widths, too
+        largest = 0.0
+        for i in range(flow.shape[0]):
+            largest = max(largest, flow[i, SIZE])
+        least = _BELOW * influence(1.0 - NEAREST * largest / horizon, table)
+    rearrangement[:] = 0.0
     for b in range(first.shape[0]):
         w = weight[b]
         if w < least or w == 0.0:
@@ -265,6 +270,17 @@ def _shear_energy(stress, r, mean, shear):
     for c in range(stress.shape[1]):
         square += (stress[r, c] - mean) ** 2 if c < 3 else 2.0 * stress[r, c] ** 2
     return square / (4.0 * shear) if shear > 0.0 else 0.0
+
+
+@kernel
+def _find_room(flow, part, room):
+    """Part of an overlap that points lose in the step, and least distance from a mirror; whether any flows."""
+    flows = False
+    for i in range(part.shape[0]):
+        part[i] = flow[i, MOVED]
+        room[i] = 0.5 * NEAREST * flow[i, SIZE]
+        flows |= part[i] != 0.0
+    return flows
 
 
 @kernel

@@ -26,6 +26,7 @@ class ForceChannels:
         self._ids: np.ndarray | None = None  # of the points that these arrays are of
         self._arrays: tuple[np.ndarray, ...] = ()
         self._moments: tuple[np.ndarray, ...] = ()
+        self._loads: list[np.ndarray] = []  # all of these that the internal force is not among
         self.on_faces: list[str] = []  # channels whose loads act on faces
         self._face_columns: tuple[int, ...] = ()  # of `work`, for each of these
         self._particles = particles
@@ -50,24 +51,26 @@ class ForceChannels:
 
     def arrays(self) -> tuple[np.ndarray, ...]:
         """The (total, d) N array of each channel."""
-        self._find()
+        if self._ids is not self._particles.id:  # a rebuild makes all arrays anew
+            self._find()
         return self._arrays
 
     def moments(self) -> tuple[np.ndarray, ...]:
         """The (owned, d^2) N m array of each channel with loads on faces."""
-        self._find()
+        self.arrays()
         return self._moments
 
     def _find(self):
         p = self._particles
-        if self._ids is not p.id:  # a rebuild makes all arrays anew
-            self._arrays = tuple(getattr(p, f"{name}_force") for name in self.names)
-            self._moments = tuple(getattr(p, f"{name}_moment") for name in self.on_faces)
-            self._ids = p.id
+        self._arrays = tuple(getattr(p, f"{name}_force") for name in self.names)
+        self._moments = tuple(getattr(p, f"{name}_moment") for name in self.on_faces)
+        loads = [array for name, array in zip(self.names, self._arrays, strict=True) if name != "internal"]
+        self._loads = [*loads, *self._moments]
+        self._ids = p.id
 
     def forget(self) -> None:
         """Hold no arrays, which are about to be replaced."""
-        self._ids, self._arrays, self._moments = None, (), ()
+        self._ids, self._arrays, self._moments, self._loads = None, (), (), []
 
     def moment(self) -> np.ndarray | None:
         """Sum of all moments of loads on faces, (owned, d^2) N m, or None if no channel has such loads."""
@@ -75,11 +78,9 @@ class ForceChannels:
 
     def clear(self) -> None:
         """No load any more; the internal force stays."""
-        for name, array in zip(self.names, self.arrays(), strict=True):
-            if name != "internal":
-                array[:] = 0.0
-        for moment in self.moments():
-            moment[:] = 0.0
+        self.arrays()
+        for load in self._loads:
+            load.fill(0.0)
 
     def book_moments(self, dt: float) -> None:
         """Give channels the work of their moments in `dt` s, at the points' velocity gradients."""

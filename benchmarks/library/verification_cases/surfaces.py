@@ -76,15 +76,16 @@ def _held(dimension, count, scheme, **keys):
     return sim, -owned(sim, "contact_force")[floor, 1].sum() / (count * SPACING) ** (dimension - 1)
 
 
-def _on_a_plane(count, scheme, **keys):
+def _on_a_plane(dimension, count, scheme, **keys):
     """A box of displaced points at rest on a smooth plane, between smooth walls, under traction from above."""
-    width = count * SPACING
+    width, inwards = count * SPACING, np.eye(dimension)
+    planes = [{"type": "plane", "point": [0.0] * dimension, "normal": normal, "friction": 0.0} for normal in inwards]
+    planes += [{"type": "plane", "point": width * normal, "normal": -normal, "friction": 0.0}
+               for axis, normal in enumerate(inwards) if axis != 1]  # fmt: skip
     sim = simulation(
-        SPACING, box([0.0, 0.0], [width, width]), scheme=scheme,
-        initial_stress={"type": "uniform", "components": {"xx": -STRESS, "yy": -STRESS}},
-        boundaries={"top": {"where": {"body": "body0"}, "traction": {"stress": [0.0, -STRESS], "side": "y+"}}},
-        contacts=[{"type": "plane", "point": point, "normal": normal, "friction": 0.0} for point, normal in
-                  (([0.0, 0.0], [0.0, 1.0]), ([0.0, 0.0], [1.0, 0.0]), ([width, 0.0], [-1.0, 0.0]))],
+        SPACING, box([0.0] * dimension, [width] * dimension), dimension=dimension, scheme=scheme, contacts=planes,
+        initial_stress={"type": "uniform", "components": {2 * a: -STRESS for a in AXES[:dimension]}},
+        boundaries={"top": {"where": {"body": "body0"}, "traction": {"stress": -STRESS * inwards[1], "side": "y+"}}},
         stages=[{"name": "settle", "type": "relax", "tolerance": 1e-5, "boundaries": ["top"]}], **keys,
     )  # fmt: skip
     sim.start()
@@ -108,16 +109,18 @@ def uniform_stress(full=False, scheme=DEFAULT):
 
 def displaced_points(full=False, scheme=DEFAULT):
     """V22: the same on a cloud of 10 % jitter in balance: on a plane, between walls, under traction from above."""
-    count = 96 if full else 48
-    sim = _on_a_plane(count, scheme, jitter=0.1)
-    cell = np.floor(owned(sim, "initial_position")[:, 1] / SPACING).astype(int)
-    stress = point_stress(sim)[:, 1] / -STRESS - 1.0
-    rows = [abs(stress[cell == row].mean()) for row in (0, 1, 2, 3, *range(count - 4, count))]
-    return [
-        Figure("worst of rows 1 to 4 on the plane", max(rows[:4]), at_most=0.02),
-        Figure("worst of rows 1 to 4 below the traction", max(rows[4:]), at_most=0.02),
-        Figure("scatter of points in these rows, relative", stress[(cell < 4) | (cell >= count - 4)].std()),
-    ]
+    figures = []
+    for dimension, count in {2: 96, 3: 24}.items() if full else {2: 48}.items():
+        sim = _on_a_plane(dimension, count, scheme, jitter=0.1)
+        cell = np.floor(owned(sim, "initial_position")[:, 1] / SPACING).astype(int)
+        stress = point_stress(sim)[:, 1] / -STRESS - 1.0
+        rows = [abs(stress[cell == row].mean()) for row in (0, 1, 2, 3, *range(count - 4, count))]
+        figures += [
+            Figure(f"{dimension}D, worst of rows 1 to 4 on the plane", max(rows[:4]), at_most=0.02),
+            Figure(f"{dimension}D, worst of rows 1 to 4 below the traction", max(rows[4:]), at_most=0.02),
+            Figure(f"{dimension}D, scatter of points in these rows", stress[(cell < 4) | (cell >= count - 4)].std()),
+        ]
+    return figures
 
 
 def resting_column(full=False, scheme=DEFAULT):
