@@ -1,6 +1,6 @@
 """Force on a pile, or a cone, that is pushed into undrained clay, against its bearing capacity.
 
-    python -m benchmarks pile [--points 4 6 8] [--sharp] [--cone]
+    python -m benchmarks pile [--points 4 6 8] [--sharp] [--cone] [--bulk 10e6]
 
 The scene configs/pile.yaml with that many points of radius: the force less the weight of the clay that the pile has
 displaced, over strength and base, as wide as that is in the clay, in the mean over a third of a spacing of the way
@@ -10,8 +10,9 @@ about depths over the radius. At the surface the factor is 5.69 for a smooth bas
 With --sharp the edge of the base is not round: a ring of points that passes it is carried by the base until its middle
 has passed, so that the base acts as if it were half a spacing wider.
 
-With --cone a smooth cone of 60 degrees goes 8 radii deep, in clay 14 radii wide and deep; far below the surface theory
-gives (1.67 + G/s_u/1500) (1 + ln(G/s_u)), 9.73 here (Teh & Houlsby 1991).
+With --cone a smooth cone of 60 degrees goes 13 radii deep, in clay 24 radii wide and deep; means are over a radius of
+the way. Far below the surface theory gives (1.67 + G/s_u/1500) (1 + ln(G/s_u)), 9.73 here (Teh & Houlsby 1991). With
+--bulk the clay has another bulk modulus, in Pa: theory knows no change of volume.
 """
 
 import importlib.resources
@@ -25,7 +26,7 @@ from . import option_parser
 
 SURFACE, DEEP_CONE = 5.69, 9.73
 DEPTHS = (0.1, 0.2, 0.3, 0.6, 0.9)  # over the radius
-CONE_DEPTHS = (3.0, 4.0, 5.0, 6.0, 7.0, 7.9)
+CONE_DEPTHS = (2.0, 4.0, 6.0, 8.0, 10.0, 12.0)
 SPEED, RAMP = 0.15, 0.2  # m/s; s, in which the scene gets up to it
 
 
@@ -51,13 +52,15 @@ def push(points: int, deepest: float = 1.0, sharp: bool = False) -> np.ndarray:
     return _factors(_prepared(scene, points, radius, deepest, clay=5.0), radius, wide)
 
 
-def push_cone(points: int, deepest: float = 8.0) -> np.ndarray:
-    """The same of a cone of 60 degrees, with the radius of the pile."""
+def push_cone(points: int, deepest: float = 13.0, clay: float = 24.0, bulk: float | None = None) -> np.ndarray:
+    """The same of a cone of 60 degrees, with the radius of the pile, in clay so many radii wide and deep."""
     scene, radius = _scene(), 0.3
-    scene["contacts"][1] |= {"type": "wedge", "tip": [0, 0], "width": 2.0 * radius, "angle": 60.0, "length": 3.0}
+    if bulk is not None:
+        scene["materials"]["clay"]["bulk_modulus"] = bulk
+    scene["contacts"][1] |= {"type": "wedge", "tip": [0, 0], "width": 2.0 * radius, "angle": 60.0, "length": 6.0}
     del scene["contacts"][1]["vertices"]
     scene["contacts"][1]["velocity"]["y"]["values"] = [0.0, -2.0 * SPEED]
-    return _factors(_prepared(scene, points, radius, 0.5 * deepest, clay=14.0), radius, lambda depth: radius)
+    return _factors(_prepared(scene, points, radius, 0.5 * deepest, clay), radius, lambda depth: radius)
 
 
 def _scene() -> dict:
@@ -93,9 +96,9 @@ def _factors(scene, radius, wide):
     return np.column_stack([depth / radius, (force - weight) / (base * float(clay["cohesion"]))])
 
 
-def factors(history: np.ndarray, points: int, depths=DEPTHS) -> list[float]:
-    """Mean factors about the `depths`."""
-    near = [np.abs(history[:, 0] - depth) < 0.5 / points / 3.0 for depth in depths]
+def factors(history: np.ndarray, depths, width: float) -> list[float]:
+    """Mean factors over a `width` about the `depths`, all over the radius."""
+    near = [np.abs(history[:, 0] - depth) < 0.5 * width for depth in depths]
     return [float(history[rows, 1].mean()) for rows in near]
 
 
@@ -105,12 +108,15 @@ def main(words=None):
     parser.add_argument("--points", type=int, nargs="+", default=[4, 6], help="of the radius")
     parser.add_argument("--sharp", action="store_true", help="a base with a sharp edge")
     parser.add_argument("--cone", action="store_true", help="a cone of 60 degrees")
+    parser.add_argument("--bulk", type=float, help="bulk modulus of the clay about the cone, Pa")
     arguments = parser.parse_args(words)
     depths = CONE_DEPTHS if arguments.cone else DEPTHS
     print("| depth / radius | " + " | ".join(f"{d:g}" for d in depths) + " |\n" + "|---" * (len(depths) + 1) + "|")
     if not arguments.cone:
         print("| Skempton | " + " | ".join(f"{n:.2f}" for n in skempton(depths)) + " |")
     for points in arguments.points:
-        history = push_cone(points) if arguments.cone else push(points, sharp=arguments.sharp)
-        print(f"| {points} points | " + " | ".join(f"{n:.2f}" for n in factors(history, points, depths)) + " |",
-              flush=True)  # fmt: skip
+        if arguments.cone:
+            found = factors(push_cone(points, bulk=arguments.bulk), depths, 1.0)
+        else:
+            found = factors(push(points, sharp=arguments.sharp), depths, 1.0 / points / 3.0)
+        print(f"| {points} points | " + " | ".join(f"{n:.2f}" for n in found) + " |", flush=True)
