@@ -1,6 +1,6 @@
 """Force on a pile, or a cone, that is pushed into undrained clay, against its bearing capacity.
 
-    python -m benchmarks pile [--points 4 6 8] [--sharp] [--cone] [--bulk 10e6]
+    python -m benchmarks pile [--points 4 6 8] [--sharp] [--cone]
 
 The scene configs/pile.yaml with that many points of radius: the force less the weight of the clay that the pile has
 displaced, over strength and base, as wide as that is in the clay, in the mean over a third of a spacing of the way
@@ -11,8 +11,7 @@ With --sharp the edge of the base is not round: a ring of points that passes it 
 has passed, so that the base acts as if it were half a spacing wider.
 
 With --cone a smooth cone of 60 degrees goes 13 radii deep, in clay 24 radii wide and deep; means are over a radius of
-the way. Far below the surface theory gives (1.67 + G/s_u/1500) (1 + ln(G/s_u)), 9.73 here (Teh & Houlsby 1991). With
---bulk the clay has another bulk modulus, in Pa: theory knows no change of volume.
+the way. Far below the surface theory gives (1.67 + G/s_u/1500) (1 + ln(G/s_u)), 9.73 here (Teh & Houlsby 1991).
 """
 
 import importlib.resources
@@ -52,11 +51,9 @@ def push(points: int, deepest: float = 1.0, sharp: bool = False) -> np.ndarray:
     return _factors(_prepared(scene, points, radius, deepest, clay=5.0), radius, wide)
 
 
-def push_cone(points: int, deepest: float = 13.0, clay: float = 24.0, bulk: float | None = None) -> np.ndarray:
+def push_cone(points: int, deepest: float = 13.0, clay: float = 24.0) -> np.ndarray:
     """The same of a cone of 60 degrees, with the radius of the pile, in clay so many radii wide and deep."""
     scene, radius = _scene(), 0.3
-    if bulk is not None:
-        scene["materials"]["clay"]["bulk_modulus"] = bulk
     scene["contacts"][1] |= {"type": "wedge", "tip": [0, 0], "width": 2.0 * radius, "angle": 60.0, "length": 6.0}
     del scene["contacts"][1]["vertices"]
     scene["contacts"][1]["velocity"]["y"]["values"] = [0.0, -2.0 * SPEED]
@@ -108,7 +105,6 @@ def main(words=None):
     parser.add_argument("--points", type=int, nargs="+", default=[4, 6], help="of the radius")
     parser.add_argument("--sharp", action="store_true", help="a base with a sharp edge")
     parser.add_argument("--cone", action="store_true", help="a cone of 60 degrees")
-    parser.add_argument("--bulk", type=float, help="bulk modulus of the clay about the cone, Pa")
     arguments = parser.parse_args(words)
     depths = CONE_DEPTHS if arguments.cone else DEPTHS
     print("| depth / radius | " + " | ".join(f"{d:g}" for d in depths) + " |\n" + "|---" * (len(depths) + 1) + "|")
@@ -116,7 +112,7 @@ def main(words=None):
         print("| Skempton | " + " | ".join(f"{n:.2f}" for n in skempton(depths)) + " |")
     for points in arguments.points:
         if arguments.cone:
-            found = factors(push_cone(points, bulk=arguments.bulk), depths, 1.0)
+            found = factors(push_cone(points), depths, 1.0)
         else:
             found = factors(push(points, sharp=arguments.sharp), depths, 1.0 / points / 3.0)
         print(f"| {points} points | " + " | ".join(f"{n:.2f}" for n in found) + " |", flush=True)
