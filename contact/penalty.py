@@ -45,6 +45,16 @@ def resist_faces(rows, gap, normal, velocity, gradient, share, reach, stiffness,
 
 
 @kernel
+def are_at(rows, x, position):
+    """Whether the points in `rows` are still at the places `x` (rows, d)."""
+    for k in range(rows.shape[0]):
+        for a in range(x.shape[1]):
+            if x[k, a] != position[rows[k], a]:
+                return False
+    return True
+
+
+@kernel
 def guide_points(rows, gap, normal, reach, cell, room, part, way, lift, dim):
     """What leads points along the normal goes from `way` to `lift`, see `periporo.contact.rigid.RigidContact.guide`."""
     for k in range(rows.shape[0]):

@@ -23,7 +23,7 @@ import numpy as np
 
 from periporo.contact.motion import Motion, velocity_between
 from periporo.contact.obstacle import Obstacle
-from periporo.contact.penalty import SOON, add_contact_force, guide_points, resist_faces
+from periporo.contact.penalty import SOON, add_contact_force, are_at, guide_points, resist_faces
 from periporo.contact.reaction import Feelers, Reaction
 from periporo.contact.search import Search, largest_length
 from periporo.contact.surfaces import Surface
@@ -60,7 +60,7 @@ class RigidContact(Obstacle):
         self.name = name
         self.skin = skin
         self.stiffness = stiffness
-        self._friction = friction
+        self._friction = friction if isinstance(friction, FrictionMap) else np.array([friction], float)
         self.damping = damping
         self.reaction, self.feelers = reaction, feelers
         self.modulus = modulus
@@ -161,10 +161,10 @@ class RigidContact(Obstacle):
         if self.reaction is not None:
             self.reaction.watch(p, rows)
         if len(rows):
-            x = p.position[rows]
+            x = p.position.take(rows, axis=0)
             gap, normal = self.gap_at(x, self.pose)
             self._seen = rows, self.pose, x, gap, normal
-            obstacle = np.zeros_like(x)
+            obstacle = np.zeros(x.shape)
             if before is not None and self.pose is not None:
                 obstacle = velocity_between(before, self.pose, dt, x)
             add_contact_force(
@@ -194,7 +194,7 @@ class RigidContact(Obstacle):
         rows, gap, normal = self._soon
         resist_faces(
             rows, gap, normal, p.velocity, p.gradient, p.share, self.reach, dt * self.stiffness, p.widths(),
-            isinstance(self._friction, FrictionMap) or self._friction > 0.0, force, moment, p.dim,
+            isinstance(self._friction, FrictionMap) or self._friction[0] > 0.0, force, moment, p.dim,
         )  # fmt: skip
 
     def _held(self, p, time, ahead, filled=None):
@@ -233,7 +233,7 @@ class RigidContact(Obstacle):
         if not len(rows):
             return
         there, pose, x, gap, normal = self._seen
-        if not (there is rows and pose is self.pose and np.array_equal(x, p.position[rows])):  # something has moved
+        if not (there is rows and pose is self.pose and are_at(rows, x, p.position)):  # something has moved
             gap, normal = self.gap_at(p.position[rows], self.pose)
         guide_points(
             rows, gap, np.ascontiguousarray(normal), self.reach, p.own(self.cell), room, part, way, lift, p.dim
@@ -243,7 +243,7 @@ class RigidContact(Obstacle):
         """Coefficients of friction where the obstacle is now at each `place` (n, d) m: (n,), or (1,) for all."""
         if isinstance(self._friction, FrictionMap):
             return self._friction.at(place if self.pose is None else self.pose.entered(place))
-        return np.array([self._friction], float)
+        return self._friction
 
     def is_idle(self, p: Particles) -> bool:
         """Whether it touches no point of this rank until neighbours are found anew."""

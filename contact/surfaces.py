@@ -37,7 +37,7 @@ class Plane:
 
     def gap(self, position):
         """See `Surface.gap`."""
-        gap, normal = np.empty(len(position)), np.empty_like(position)
+        gap, normal = np.empty(len(position)), np.empty(position.shape)
         _plane_gap(position, self.point, self.normal, gap, normal)
         return gap, normal
 
@@ -64,16 +64,9 @@ class Box:
 
     def gap(self, position):
         """See `Surface.gap`; edges and corners are round."""
-        away = position - np.clip(position, self.lower, self.upper)
-        distance = np.sqrt((away**2).sum(axis=1))
-        # inside, the way out is through the nearest face
-        depth = np.concatenate([position - self.lower, self.upper - position], axis=1)
-        face, rows, d = np.argmin(depth, axis=1), np.arange(len(position)), position.shape[1]
-        inside_normal = np.zeros_like(position)
-        inside_normal[rows, face % d] = np.where(face < d, -1.0, 1.0)
-        inside = distance == 0.0
-        normal = np.where(inside[:, None], inside_normal, away / np.where(inside, 1.0, distance)[:, None])
-        return np.where(inside, -depth[rows, face], distance), normal
+        gap, normal = np.empty(len(position)), np.zeros(position.shape)
+        _box_gap(position, self.lower, self.upper, gap, normal)
+        return gap, normal
 
     def bounds(self):
         """See `Surface.bounds`."""
@@ -251,6 +244,31 @@ def _radial(relative, first=0):
     fallback[first] = 1.0
     zero = distance == 0.0
     return distance, np.where(zero[:, None], fallback, relative / np.where(zero, 1.0, distance)[:, None])
+
+
+@kernel
+def _box_gap(position, lower, upper, gap, normal):
+    """Inside, the way out is through the nearest face; `normal` is zero before."""
+    d = position.shape[1]
+    for i in range(position.shape[0]):
+        square, depth, face = 0.0, np.inf, 0
+        for a in range(d):
+            x = position[i, a]
+            end = lower[a] if x < lower[a] else upper[a] if x > upper[a] else x
+            normal[i, a] = x - end
+            square += normal[i, a] ** 2
+        if square != 0.0:  # outside, or nowhere (NaN)
+            gap[i] = np.sqrt(square)
+            for a in range(d):
+                normal[i, a] /= gap[i]
+            continue
+        for k in range(2 * d):
+            a = k % d
+            to_face = position[i, a] - lower[a] if k < d else upper[a] - position[i, a]
+            if to_face < depth:
+                depth, face = to_face, k
+        gap[i] = -depth
+        normal[i, face % d] = -1.0 if face < d else 1.0
 
 
 @kernel

@@ -13,7 +13,7 @@ from typing import ClassVar, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from periporo.core.numerics.tensors import dimension_of, equivalent_shear, mean
+from periporo.core.numerics.tensors import dimension_of, equivalent_shear, filled, mean
 from periporo.core.points.material import BONDING, OPENED, StateField
 from periporo.materials.base import MaterialParameters, units
 from periporo.materials.cam_clay_return import advance, bonded_size, bonding_exponents
@@ -198,11 +198,14 @@ class CamClay(MaterialParameters):
 
     def tension_limit(self, stress, state):
         """Largest mean stress (n,) Pa, beyond which rows open: with the strength of loose soil they still touch."""
-        return np.full(len(stress), -self.minimum_preconsolidation)
+        return filled(len(stress), -self.minimum_preconsolidation)
 
     def elastic_moduli(self, stress, state):
         """Constant moduli, or those of the present pressure, two (n,) arrays in Pa."""
-        return _moduli(self._numbers[None], stress)
+        if self.poisson_ratio is not None:
+            return _moduli(self._numbers[None], stress)
+        n = len(stress)
+        return filled(n, self.bulk_modulus), filled(n, self.shear_modulus)
 
     def friction_angles(self, dimension: int) -> FrictionAngles:
         """The angles of the critical state in each kind of test; the same in both dimensions."""

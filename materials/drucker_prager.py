@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 
 from periporo.core.numerics.elasticity import elastic_trial
 from periporo.core.numerics.jit import inlined, kernel
-from periporo.core.numerics.tensors import dimension_of
+from periporo.core.numerics.tensors import dimension_of, filled
 from periporo.core.points.material import OPENED, StateField
 from periporo.materials.base import MaterialParameters, units
 from periporo.materials.friction import FrictionAngles, angles_of_cone, shown
@@ -180,12 +180,12 @@ class DruckerPrager(MaterialParameters):
 
     def tension_limit(self, stress, state):
         """Largest mean stress (n,) Pa of the rows, beyond which they open."""
-        return np.full(len(stress), self.largest_mean_stress(dimension_of(stress)))
+        return filled(len(stress), self.largest_mean_stress(dimension_of(stress)))
 
     def elastic_moduli(self, stress, state):
         """Constant moduli, two (n,) arrays in Pa."""
         n = len(stress)
-        return np.full(n, self.bulk_modulus), np.full(n, self.shear_modulus)
+        return filled(n, self.bulk_modulus), filled(n, self.shear_modulus)
 
     def yield_surface(self, stress_row, state_row):
         """Points (p, q) in Pa of the meridian from the largest mean stress to beyond the given stress."""

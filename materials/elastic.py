@@ -7,6 +7,7 @@ from pydantic import Field
 
 from periporo.core.numerics.elasticity import add_elastic
 from periporo.core.numerics.jit import kernel
+from periporo.core.numerics.tensors import filled
 from periporo.core.points.material import StateField
 from periporo.materials.base import MaterialParameters
 
@@ -37,7 +38,7 @@ class Elastic(MaterialParameters):
     def elastic_moduli(self, stress, state):
         """Constant moduli, two (n,) arrays in Pa."""
         n = len(stress)
-        return np.full(n, self.bulk_modulus), np.full(n, self.shear_modulus)
+        return filled(n, self.bulk_modulus), filled(n, self.shear_modulus)
 
     @classmethod
     def of_rows(cls, laws, components):

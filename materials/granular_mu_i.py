@@ -15,7 +15,7 @@ from periporo.core.numerics import algebra as la
 from periporo.core.numerics.algebra import DIMENSION, LANES
 from periporo.core.numerics.elasticity import add_elastic
 from periporo.core.numerics.jit import inlined, kernel
-from periporo.core.numerics.tensors import dimension_of
+from periporo.core.numerics.tensors import dimension_of, filled
 from periporo.core.points.material import OPENED, StateField
 from periporo.materials.base import MaterialParameters, units
 from periporo.materials.friction import FrictionAngles, angles_of_cone
@@ -109,7 +109,7 @@ class GranularMuI(MaterialParameters):
     def elastic_moduli(self, stress, state):
         """Constant moduli, two (n,) arrays in Pa."""
         n = len(stress)
-        return np.full(n, self.bulk_modulus), np.full(n, self.shear_modulus)
+        return filled(n, self.bulk_modulus), filled(n, self.shear_modulus)
 
     def yield_surface(self, stress_row, state_row):
         """Points (p, q) in Pa of the cone without flow, to beyond the given stress."""

@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 
 from periporo.core.numerics.elasticity import elastic_trial
 from periporo.core.numerics.jit import inlined, kernel
+from periporo.core.numerics.tensors import filled
 from periporo.core.points.material import OPENED, StateField
 from periporo.materials.base import MaterialParameters, units
 
@@ -84,12 +85,12 @@ class HerschelBulkley(MaterialParameters):
 
     def tension_limit(self, stress, state):
         """Largest mean stress (n,) Pa of the rows, beyond which they open."""
-        return np.full(len(stress), self.tension_cutoff)
+        return filled(len(stress), self.tension_cutoff)
 
     def elastic_moduli(self, stress, state):
         """Constant moduli, two (n,) arrays in Pa."""
         n = len(stress)
-        return np.full(n, self.bulk_modulus), np.full(n, self.shear_modulus)
+        return filled(n, self.bulk_modulus), filled(n, self.shear_modulus)
 
     def yield_surface(self, stress_row, state_row):
         """Points (p, q) in Pa of the strength without flow, to beyond the given stress."""

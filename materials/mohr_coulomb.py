@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from periporo.core.numerics.algebra import DIMENSION
-from periporo.core.numerics.tensors import dimension_of
+from periporo.core.numerics.tensors import dimension_of, filled
 from periporo.core.points.material import OPENED, StateField, state_column
 from periporo.materials.base import LARGEST, MaterialParameters, units
 from periporo.materials.friction import FrictionAngles
@@ -247,7 +247,7 @@ class MohrCoulomb(MaterialParameters):
     def elastic_moduli(self, stress, state):
         """Constant moduli, two (n,) arrays in Pa."""
         n = len(stress)
-        return np.full(n, self.bulk_modulus), np.full(n, self.shear_modulus)
+        return filled(n, self.bulk_modulus), filled(n, self.shear_modulus)
 
     def yield_surface(self, stress_row, state_row):
         """Points (p, q) in Pa of triaxial compression at the present strength, to beyond the given stress."""

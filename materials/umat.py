@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from periporo.core.numerics.tensors import dimension_of
+from periporo.core.numerics.tensors import dimension_of, filled
 from periporo.core.points.material import (
     DEFORMATION_GRADIENT,
     OPENED,
@@ -204,7 +204,7 @@ class Umat(MaterialParameters):
     def tension_limit(self):
         """Function of stress and state that gives the largest mean stress (n,) Pa; none without one."""
         limit = self.largest_mean_stress
-        return None if limit is None else lambda stress, state: np.full(len(stress), limit)
+        return None if limit is None else lambda stress, state: filled(len(stress), limit)
 
     def _order(self, components: int) -> tuple[np.ndarray, np.ndarray]:
         return order_of_variables(self._kinds, components)
@@ -250,7 +250,7 @@ class Umat(MaterialParameters):
         """Moduli, two (n,) arrays in Pa: those of the input, or from DDSDDE of a step without strain."""
         n = len(stress)
         if self.bulk_modulus is not None:
-            return np.full(n, self.bulk_modulus), np.full(n, self.shear_modulus)
+            return filled(n, self.bulk_modulus), filled(n, self.shear_modulus)
         bulk, shear, arguments = np.empty(n), np.empty(n), self._arguments(stress.shape[1])
         fill_moduli(
             self._address, arguments.pointers, arguments.numbers, stress, state, self._order(stress.shape[1]),

@@ -34,12 +34,9 @@ from periporo.core.bonds.rows import PointRows
 from periporo.core.correspondence import point_tilts, regularity, sharpening
 from periporo.core.correspondence.bond_projected import CLOSEST
 from periporo.core.correspondence.flux import add_flux_force, begin_flux
-from periporo.core.correspondence.influence import influences
 from periporo.core.correspondence.links import close_flux, find_ends, find_response, let_go, strain_links
 from periporo.core.correspondence.standard import Standard
 from periporo.core.points.particles import Field
-
-_BELOW = 1.0 - 1e-9  # so that rounding takes no pair away
 
 
 class LinkedPointRows(PointRows):
@@ -148,9 +145,9 @@ class PointState(Standard):
                 block.first, block.active, block.total_stress, p.volume, p.share, p.shape_inverse, p.flux, p.dim
             )
         if p.awake < p.owned:
-            p.flux[p.awake : p.owned] = p.held_flux[p.awake :]
+            p.flux[p.awake : p.stirred] = p.held_flux[p.awake : p.stirred]
         halo.update(p, "flux", *(("tilt_force",) if self.balanced else ()))
-        force[:] = 0.0
+        p.clear(force)
         add_flux_force(p, pairs, force, pull)
         if self.balanced:
             point_tilts.add_force(p, pairs, force)
@@ -165,23 +162,19 @@ class PointState(Standard):
             return
         p = particles
         self._describe_ends(p, bonds)
-        for block in flowing:
-            regularity.describe(block, p, self._dt, viscous=not self._is_quasi_static)
+        moduli = [block.elastic_moduli() for block in flowing]
+        for block, (bulk, _) in zip(flowing, moduli, strict=True):
+            regularity.describe(block, bulk, p, self._dt, viscous=not self._is_quasi_static)
         exchanging = [block for block in flowing if block.exchanges]
+        theirs = [of_block for block, of_block in zip(flowing, moduli, strict=True) if block.exchanges]
         if exchanging or not self.sharpened:
             halo.update(p, "link", "flow", "flow_stress")
         else:  # stress stays, so that it may go with the same message
             self._show_stress(p, bonds)
             halo.update(p, "link", "flow", "seen")
             self._stress_is_shown = True
-        regularity.exchange(p, bonds.pairs, exchanging, self._influence_at)
+        regularity.exchange(p, bonds.pairs, exchanging, theirs, self.horizon, self.table)
         self._ends_are_known = True
-
-    def _influence_at(self, distance: float) -> float:
-        """What pairs have at least that are closer than `distance` m."""
-        if self.axisymmetric:  # rings weigh by their widths, too
-            return 0.0
-        return _BELOW * float(influences(np.array([1.0 - distance / self.horizon]), self.table)[0])
 
     def rearrange(self, particles, motions, contacts) -> None:
         """Move points that a flow brought too close together; what `motions` prescribe stays."""

@@ -20,10 +20,9 @@ to the *activity* a of the points, a running mean of the part of the trial stres
 How much of each belongs to a step follows from the Courant number dt c / l, so that it does not depend on the step.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 
+from periporo.core.correspondence.influence import influence
 from periporo.core.numerics import algebra as la
 from periporo.core.numerics import vectors
 from periporo.core.numerics.jit import inlined, kernel
@@ -38,10 +37,12 @@ MEMORY = 0.075  # of the activity, per Courant number
 QUIET = 1e-6  # activity that counts as none
 SENSITIVITY = 0.1  # part of the trial stress that a law takes away in a step, over what it keeps, for a half
 NEAREST = 1.02  # size of points, over the side of a cube of their volume, below which they move apart
+_BELOW = 1.0 - 1e-9  # so that rounding takes no pair away
 REARRANGED = 6.0  # part of the overlap that a shear strain of 1 takes away
 MOST_REARRANGED = 0.01  # of an overlap, in one step
 
 SIGNED, ACTIVITY, SIZE, MOVED, PART = range(5)  # columns of the field `flow`
+_MEAN, _STRESS = 1, 2  # first columns of the points' scratch `sums` that an exchange uses; their W stays
 _VISCOUS, _EXCHANGED, _REARRANGED = range(3)  # columns of the field `flow_work`
 
 
@@ -56,12 +57,12 @@ def fields(dimension: int, components: int) -> tuple[Field, ...]:
     )
 
 
-def describe(block, p, dt: float, viscous: bool) -> None:
+def describe(block, bulk, p, dt: float, viscous: bool) -> None:
     """Tell `flow` and `flow_stress` of the points with a row in `block` from the step that their law has answered.
 
-    `viscous` is whether there is bulk viscosity: not in a quasi-static relaxation.
+    `bulk` (rows,) Pa is their present modulus, and `viscous` whether there is bulk viscosity: not in a quasi-static
+    relaxation.
     """
-    bulk, _ = block.elastic_moduli()
     part = EXCHANGE if block.exchanges else 0.0
     _describe(
         block.first, block.active, dt, part, VISCOSITY if viscous else 0.0, block.opening.column, block.stress,
@@ -70,31 +71,31 @@ def describe(block, p, dt: float, viscous: bool) -> None:
     )  # fmt: skip
 
 
-def exchange(p, pairs, blocks, influence_at: Callable[[float], float]) -> None:
+def exchange(p, pairs, blocks, moduli, horizon: float, table: np.ndarray) -> None:
     """Exchange stress between neighbours, and find the ways by which points move apart before the next step.
 
-    `blocks` are those of laws that exchange stress, for it is all that they remember; without any, only pairs matter
-    that are close, which their influence tells: `influence_at` a distance (m) it is the least.
+    `blocks`, with their `moduli`, are those of laws that exchange stress, for it is all that they remember; without
+    any, only pairs matter that are close, which their influence tells, from its `horizon` (m) and `table`.
     """
-    count = p.total if blocks else 0
-    stress, mean = np.zeros((count, p.components)), np.zeros(count)
-    least = 0.0 if blocks else influence_at(NEAREST * float(p.flow[:, SIZE].max(initial=0.0)))
-    p.rearrangement[:] = p.exchanged_strain[:] = 0.0
+    p.exchanged_strain.fill(0.0)
+    p.clear(p.rearrangement)
+    if blocks:
+        p.clear(p.sums[:, _MEAN:])
     _exchange(
-        pairs.first, pairs.second, pairs.weight, least, p.position, p.material, p.link, p.flow, p.flow_stress, stress,
-        mean, p.rearrangement, p.dim,
+        pairs.first, pairs.second, pairs.weight, len(blocks) > 0, horizon, table, p.widths(), p.position, p.material,
+        p.link, p.flow, p.flow_stress, p.sums, p.rearrangement, p.dim,
     )  # fmt: skip
-    for block in blocks:
-        bulk, shear = block.elastic_moduli()
+    for block, (bulk, shear) in zip(blocks, moduli, strict=True):
         limit = block.material.tension_limit(block.stress, block.state)
         _apply(
-            block.first, block.active, bulk, shear, limit, block.opening.column, p.volume, p.share, p.flow, stress,
-            mean, block.stress, block.state, p.exchanged_strain, p.flow_work,
+            block.first, block.active, bulk, shear, limit, block.opening.column, p.volume, p.share, p.flow, p.sums,
+            block.stress, block.state, p.exchanged_strain, p.flow_work,
         )  # fmt: skip
 
 
 def stop(p, rows: np.ndarray) -> None:
-    """Let the points in `rows` take no part in what their neighbours exchange; they keep their size."""
+    """Let the points in `rows` take no part in what their neighbours exchange, and stay; they keep their size."""
+    p.rearrangement[rows] = 0.0
     p.flow[rows, ACTIVITY] = p.flow[rows, MOVED] = p.flow[rows, PART] = 0.0
 
 
@@ -104,15 +105,14 @@ def rearrange(p, motions, contacts) -> None:
     Obstacles among the `contacts` are mirrors: they guide the points that they hold.
     """
     n = p.awake
-    way, lift, flow = p.rearrangement[:n], np.zeros((n, p.dimension)), p.flow[:n]
-    part, room = flow[:, MOVED].copy(), 0.5 * NEAREST * flow[:, SIZE]
+    way, lift, part, room = p.rearrangement[:n], np.zeros((n, p.dimension)), np.empty(n), np.empty(n)
+    flows = _find_room(p.flow, part, room)
     if motions:
         free = np.ones((n, p.dimension))
         for motion in motions:
             motion.hold_zero(p, way)
             motion.hold_zero(p, free)
         part *= free.all(axis=1)
-    flows = part.any()
     for contact in contacts:
         if flows and hasattr(contact, "guide"):
             contact.guide(p, room, part, way, lift)
@@ -194,9 +194,17 @@ def _shear_rate(g):
 
 @kernel
 def _exchange(
-    first, second, weight, least, position, material, link, flow, flow_stress, stress, mean, rearrangement, dim
-):
+    first, second, weight, exchanges, horizon, table, width, position, material, link, flow, flow_stress, sums,
+    rearrangement, dim,
+):  # fmt: skip
+    """Add ways to `rearrangement`, and what points are given of stress and of its mean to columns of `sums`."""
     components = len(la.zero_symmetric(dim))
+    least = 0.0
+    if not exchanges and width.shape[0] == 0:  # rings weigh by their widths, too
+        largest = 0.0
+        for i in range(flow.shape[0]):
+            largest = max(largest, flow[i, SIZE])
+        least = _BELOW * influence(1.0 - NEAREST * largest / horizon, table)
     for b in range(first.shape[0]):
         w = weight[b]
         if w < least or w == 0.0:
@@ -220,12 +228,12 @@ def _exchange(
             k = 0.5 * a * c * part
             p_i, p_j = flow[i, SIGNED], flow[j, SIGNED]
             change = k * (min(p_j, max(-p_i, 0.0)) - min(p_i, max(-p_j, 0.0)))
-            mean[i] += change
-            mean[j] -= change
+            sums[i, _MEAN] += change
+            sums[j, _MEAN] -= change
             for e in range(components):
                 change = k * (flow_stress[j, e] - flow_stress[i, e])
-                stress[i, e] += change
-                stress[j, e] -= change
+                sums[i, _STRESS + e] += change
+                sums[j, _STRESS + e] -= change
         if close:
             r = np.sqrt(square)
             overlap = 0.5 * (size - r) / r
@@ -237,23 +245,22 @@ def _exchange(
 
 @kernel
 def _apply(
-    point, active, bulk, shear, limit, column, volume, share, flow, stress_change, mean_change, stress, state, strain,
-    work,
+    point, active, bulk, shear, limit, column, volume, share, flow, sums, stress, state, strain, work,
 ):  # fmt: skip
     for r in range(point.shape[0]):
         i = point[r]
-        if not active[r] or (mean_change[i] == 0.0 and flow[i, ACTIVITY] == 0.0):
+        if not active[r] or (sums[i, _MEAN] == 0.0 and flow[i, ACTIVITY] == 0.0):
             continue
         own = volume[i] * share[i, 2]
         mean = (stress[r, 0] + stress[r, 1] + stress[r, 2]) / 3.0
         before = mean * mean / (2.0 * bulk[r]) + _shear_energy(stress, r, mean, shear[r])
-        signed = flow[i, SIGNED] + mean_change[i] / own
-        strain[i] = mean_change[i] / (own * bulk[r])
+        signed = flow[i, SIGNED] + sums[i, _MEAN] / own
+        strain[i] = sums[i, _MEAN] / (own * bulk[r])
         new_mean = min(signed, limit[r])
         state[r, column] = (signed - new_mean) / bulk[r]
-        mean_of_changes = (stress_change[i, 0] + stress_change[i, 1] + stress_change[i, 2]) / 3.0
+        mean_of_changes = (sums[i, _STRESS] + sums[i, _STRESS + 1] + sums[i, _STRESS + 2]) / 3.0
         for c in range(stress.shape[1]):
-            change = stress_change[i, c] - (mean_of_changes if c < 3 else 0.0)
+            change = sums[i, _STRESS + c] - (mean_of_changes if c < 3 else 0.0)
             stress[r, c] += SHEAR_SHARE * change / own + (new_mean - mean if c < 3 else 0.0)
         after = new_mean * new_mean / (2.0 * bulk[r]) + _shear_energy(stress, r, new_mean, shear[r])
         work[i, _EXCHANGED] += own * (before - after)
@@ -265,6 +272,17 @@ def _shear_energy(stress, r, mean, shear):
     for c in range(stress.shape[1]):
         square += (stress[r, c] - mean) ** 2 if c < 3 else 2.0 * stress[r, c] ** 2
     return square / (4.0 * shear) if shear > 0.0 else 0.0
+
+
+@kernel
+def _find_room(flow, part, room):
+    """Part of an overlap that points lose in the step, and least distance from a mirror; whether any flows."""
+    flows = False
+    for i in range(part.shape[0]):
+        part[i] = flow[i, MOVED]
+        room[i] = 0.5 * NEAREST * flow[i, SIZE]
+        flows |= part[i] != 0.0
+    return flows
 
 
 @kernel

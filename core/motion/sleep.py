@@ -40,7 +40,8 @@ class Sleep:
 
     `set_aside` J is the kinetic energy that was taken from points that fell asleep, `share` the part of all points that
     sleep. Point fields: `asleep` is 0 for a point that is awake, 1 from when it fell asleep until its loads are known,
-    then 2; `quiet` counts looks; `guard` is 1 for points that were close to sleepers when neighbours were found.
+    then 2; `quiet` counts looks; `guard` is 1 for points that were close to sleepers when neighbours were found, and
+    for sleepers that were close to others.
     """
 
     def __init__(self, speed: float, steps: int):
@@ -91,9 +92,10 @@ class Sleep:
         if self.share > 0.0:
             after = np.where(before, ~self._around(sim, self._loud(sim), _WAKENED), after)
         p.quiet[before & ~after] = 0
-        p.guard[:] = self._around(sim, after) & ~after
+        p.guard[:] = np.where(after, self._around(sim, ~after), self._around(sim, after))
         self._lay_down(sim, np.flatnonzero(after & ~before))
         p.asleep[:n] = np.where(after, np.maximum(p.asleep[:n], 1), 0)
+        sim.halo.update(p, "asleep")
         counts = np.array([int(after.sum()), n, int((after & ~before).sum()), int((before & ~after).sum())])
         asleep, total, fell, woke = sim.comm.allreduce(counts).tolist()
         self.share = asleep / max(total, 1)

@@ -30,6 +30,8 @@ class Stage(ABC):
     loads: list = field(default_factory=list)
     inflows: list = field(default_factory=list)  # of water
     construction: Construction | None = field(default=None, kw_only=True)
+    begun_with: Any = field(default=None, kw_only=True, repr=False, compare=False)
+    """The `State` in which the present increment or trial began, if it may begin again: what checkpoints hold."""
     sleeps: ClassVar[bool] = False
     """Whether points may sleep, where the scene lets them."""
 
@@ -107,11 +109,6 @@ class Stage(ABC):
     @abstractmethod
     def _finish(self, sim) -> str:
         """After the last step; what the observers are told of it."""
-
-    @property
-    def resumes_from(self) -> Any:
-        """The `State` that a checkpoint is to hold, where a run cannot go on from the present one."""
-        return None
 
     @abstractmethod
     def memory(self) -> dict:

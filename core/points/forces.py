@@ -26,6 +26,7 @@ class ForceChannels:
         self._ids: np.ndarray | None = None  # of the points that these arrays are of
         self._arrays: tuple[np.ndarray, ...] = ()
         self._moments: tuple[np.ndarray, ...] = ()
+        self._loads: list[np.ndarray] = []  # all of these that the internal force is not among
         self.on_faces: list[str] = []  # channels whose loads act on faces
         self._face_columns: tuple[int, ...] = ()  # of `work`, for each of these
         self._particles = particles
@@ -50,43 +51,44 @@ class ForceChannels:
 
     def arrays(self) -> tuple[np.ndarray, ...]:
         """The (total, d) N array of each channel."""
-        self._find()
+        if self._ids is not self._particles.id:  # a rebuild makes all arrays anew
+            self._find()
         return self._arrays
 
     def moments(self) -> tuple[np.ndarray, ...]:
         """The (owned, d^2) N m array of each channel with loads on faces."""
-        self._find()
+        self.arrays()
         return self._moments
 
     def _find(self):
         p = self._particles
-        if self._ids is not p.id:  # a rebuild makes all arrays anew
-            self._arrays = tuple(getattr(p, f"{name}_force") for name in self.names)
-            self._moments = tuple(getattr(p, f"{name}_moment") for name in self.on_faces)
-            self._ids = p.id
+        self._arrays = tuple(getattr(p, f"{name}_force") for name in self.names)
+        self._moments = tuple(getattr(p, f"{name}_moment") for name in self.on_faces)
+        loads = [array for name, array in zip(self.names, self._arrays, strict=True) if name != "internal"]
+        self._loads = [*loads, *self._moments]
+        self._ids = p.id
 
     def forget(self) -> None:
         """Hold no arrays, which are about to be replaced."""
-        self._ids, self._arrays, self._moments = None, (), ()
+        self._ids, self._arrays, self._moments, self._loads = None, (), (), []
 
     def moment(self) -> np.ndarray | None:
-        """Sum of all moments of loads on faces, (owned, d^2) N m, or None if no channel has such loads."""
-        return functools.reduce(np.add, self.moments()) if self.on_faces else None
+        """Sum of all moments of loads on faces, (awake, d^2) N m, or None if no channel has such loads."""
+        n = self._particles.awake
+        return functools.reduce(np.add, (moment[:n] for moment in self.moments())) if self.on_faces else None
 
     def clear(self) -> None:
         """No load any more; the internal force stays."""
-        for name, array in zip(self.names, self.arrays(), strict=True):
-            if name != "internal":
-                array[:] = 0.0
-        for moment in self.moments():
-            moment[:] = 0.0
+        self.arrays()
+        for load in self._loads:
+            load.fill(0.0)
 
     def book_moments(self, dt: float) -> None:
         """Give channels the work of their moments in `dt` s, at the points' velocity gradients."""
         p = self._particles
         if self.on_faces:
             square = p.dim * p.dimension  # as long as a row
-            _book_moments(p.owned, dt, self.moments(), p.gradient, p.work, self._face_columns, INTERNAL, square)
+            _book_moments(p.awake, dt, self.moments(), p.gradient, p.work, self._face_columns, INTERNAL, square)
 
     def total(self) -> np.ndarray:
         """Sum of all channels on the owned points, (owned, d) N."""
@@ -95,8 +97,8 @@ class ForceChannels:
 
 
 @kernel
-def _book_moments(owned, dt, moments, gradient, work, columns, internal, square):
-    for i in range(owned):
+def _book_moments(awake, dt, moments, gradient, work, columns, internal, square):
+    for i in range(awake):
         rate = vectors.row(gradient, i, square) * dt
         for c, moment in enumerate(moments):
             done = vectors.dot(vectors.row(moment, i, square), rate)

@@ -46,7 +46,6 @@ class StrengthReductionStage(Stage):
     falls: float = np.inf
     began: float = 0.0  # s, the present trial
     last: bool = False  # whether it is shown only
-    _of_trial: State | None = field(default=None, repr=False, compare=False)  # with which it began
     _start: State | None = field(default=None, repr=False, compare=False)
     _recalled: bool = field(default=False, repr=False, compare=False)
     _laws: list = field(default_factory=list, repr=False, compare=False)
@@ -55,11 +54,6 @@ class StrengthReductionStage(Stage):
     def safety(self) -> float:
         """The factor of safety: the middle of the bracket."""
         return 0.5 * (self.stands + self.falls)
-
-    @property
-    def resumes_from(self) -> State | None:
-        """See `Stage`: the state with which the present trial began."""
-        return self._of_trial
 
     @staticmethod
     def attach(p: Particles) -> None:
@@ -75,7 +69,7 @@ class StrengthReductionStage(Stage):
     def _take_start(self, sim):
         """Remember with what the trials begin."""
         self._laws = [block.material for block in sim.bonds.blocks]
-        self._start = self._of_trial = capture(sim)
+        self._start = self.begun_with = capture(sim)
 
     def _is_over(self, sim) -> bool:
         if self._recalled and self._start is None:  # resumed at the beginning of a trial
@@ -133,8 +127,9 @@ class StrengthReductionStage(Stage):
         assert self._start is not None  # since the stage began
         now = memory(sim)
         now["simulation"]["skin"] = self._start.memory["simulation"]["skin"]  # with which its neighbours were found
-        self._of_trial = replace(self._start, memory=now)
-        install(sim, self._of_trial)
+        begun_with = replace(self._start, memory=now)
+        install(sim, begun_with)
+        self.begun_with = begun_with
         self._set_off(sim)
 
     def _set_off(self, sim):
@@ -153,7 +148,7 @@ class StrengthReductionStage(Stage):
     def _finish(self, sim) -> str:
         for block, law in zip(sim.bonds.blocks, self._laws, strict=True):
             block.use(law)
-        self._of_trial = None
+        self.begun_with = None
         return f"factor of safety {self.safety:.4g}: stands at {self.stands:.4g}, falls at {self.falls:.4g}"
 
     def memory(self) -> dict:
