@@ -1,14 +1,21 @@
 """What a rank sends and keeps to divide space, find its neighbours and hand points over, on up to 256 ranks.
 
     python -m benchmarks many_ranks --ranks 4 16 64 256
+    python -m benchmarks many_ranks begin --ranks 256          # processor time of a rank until its first step
 
 Each rank has 36 points of a square grid. They are divided, all move by a spacing along both axes, are handed over, and
 find their ghosts; then as much again where division and neighbours' boxes are known. Counted is the most that a rank
-sends, so ranks may share cores. Reductions over all ranks are the library's own, and counted apart.
+sends, so ranks may share cores. Reductions over all ranks are the library's own, and counted apart. `begin` runs a
+tiny scene for one step, from the command line, after a run on one rank that compiles what is lacking.
 """
 
 import json
+import os
+import resource
+import subprocess
+import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
@@ -18,7 +25,7 @@ from periporo.core.ranks.domain import bisect
 from periporo.core.ranks.halo import Halo
 
 from . import option_parser
-from .library.ranks import start
+from .library.ranks import command, start
 
 SIDE, REACH = 6, 2.4  # points along the edge of a rank's part; spacings
 
@@ -109,14 +116,44 @@ def count():
         print(json.dumps(found | {"seconds": time.perf_counter() - began}))
 
 
+SCENE = """
+dimension: 2
+spacing: 0.01
+materials:
+  soil: {model: drucker_prager, density: 1800, bulk_modulus: 25e6, shear_modulus: 15e6, cohesion: 0, friction_angle: 30}
+bodies: [{name: column, material: soil, shape: {type: box, lower: [0, 0], upper: [1, 0.5]}}]
+contacts: [{type: plane, point: [0, 0], normal: [0, 1], friction: 0.5}]
+stages: [{name: fall, type: dynamics, duration: 1e-9}]
+"""
+
+
+def begin(ranks):
+    """Processor time of a rank of a run that takes one step, in Python and in the system, and the time on the clock."""
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "tiny.yaml").write_text(SCENE)
+        for count in (1, ranks):
+            before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+            words, variables = command(count, "-m", "periporo.core.cli", "tiny.yaml", "--overwrite", "--no-plot")
+            subprocess.run(words, check=True, cwd=folder, env=os.environ | variables, stdout=subprocess.DEVNULL)
+            took, used = time.perf_counter() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
+    user, system = (used.ru_utime - before.ru_utime) / ranks, (used.ru_stime - before.ru_stime) / ranks
+    print(f"{ranks} ranks: {user + system:.2f} s of processor time each, {system:.2f} s of it in the system; "
+          f"{took:.0f} s on {os.cpu_count()} cores", flush=True)  # fmt: skip
+
+
 def main(words):
     """Start `count` on each number of ranks, or be one of them."""
     if words == ["count"]:
         count()
         return
     parser = option_parser(__name__, __doc__)
+    parser.add_argument("what", nargs="?", choices=("send", "begin"), default="send")
     parser.add_argument("--ranks", type=int, nargs="+", default=[4, 16, 64], help="squares of whole numbers")
-    for ranks in parser.parse_args(words).ranks:
+    arguments = parser.parse_args(words)
+    for ranks in arguments.ranks:
+        if arguments.what == "begin":
+            begin(ranks)
+            continue
         began = time.perf_counter()
         found = json.loads(start(ranks, "many_ranks", "count"))
         took = time.perf_counter() - began

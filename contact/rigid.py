@@ -21,7 +21,8 @@ mass than its point, and its damping would need shorter steps.
 
 import numpy as np
 
-from periporo.contact.motion import Motion, Pose, velocity_between
+from periporo.contact.motion import Motion, velocity_between
+from periporo.contact.obstacle import Obstacle
 from periporo.contact.penalty import SOON, add_contact_force, are_at, guide_points, resist_faces
 from periporo.contact.reaction import Feelers, Reaction
 from periporo.contact.search import Search, largest_length
@@ -30,7 +31,6 @@ from periporo.contact.terrain import FrictionMap
 from periporo.core.points.forces import CONTACT, FRICTION, ForceChannels
 from periporo.core.points.particles import Field, Particles
 
-_LOOKS = 100  # along the way of an obstacle
 _HASTE = 1.5  # times the present speed, which points may reach before they are looked at again
 _HELD = 4.0  # reaches, beyond which no point holds a spring, or a memory of being squeezed
 FAR = 8.0
@@ -40,7 +40,7 @@ _GROWN = 1.1  # modulus over that which the stiffness was chosen for
 _LOST = 1.0  # reaches behind a surface from which on a point has passed through it
 
 
-class RigidContact:
+class RigidContact(Obstacle):
     """Contact of all points with one rigid surface.
 
     `stiffness` N/m per point, `friction` coefficient, or a map of it, `damping` share of critical damping along the
@@ -56,22 +56,18 @@ class RigidContact:
         motion: Motion | None = None, reaction: Reaction | None = None, feelers: Feelers | None = None,
         search: Search | None = None, modulus: float | None = None,
     ):  # fmt: skip
+        super().__init__(surface, 0.5 * spacing, motion)
         self.name = name
-        self.surface = surface
-        self.reach = 0.5 * spacing
         self.skin = skin
         self.stiffness = stiffness
         self._friction = friction if isinstance(friction, FrictionMap) else np.array([friction], float)
         self.damping = damping
-        self.motion, self.reaction, self.feelers = motion, reaction, feelers
+        self.reaction, self.feelers = reaction, feelers
         self.modulus = modulus
         self._search = Search() if search is None else search
         self.spring, self.cell = f"contact_spring_{name}", f"contact_cell_{name}"
-        self._time: float | None = None
-        self.pose: Pose | None = None  # at that time; None if it stands
-        self.pose_before: Pose | None = None  # at the start of that step
         self._chosen: tuple = None, None, 0.0, None  # point ids, pose, m around it with all points, rows near it
-        self._idle: np.ndarray | None = None  # point ids for which nothing is near it, and nothing is told
+        self._idle: np.ndarray | None = None  # point ids for which nothing is near it
         self._soon: tuple = np.empty(0, np.int64), np.empty(0), np.empty((0, 0))  # rows held, or soon; gaps, normals
         self.closing = 0.0  # m/s, with which a point that it holds, or may soon, came near when the step was chosen
         self._seen: tuple = (None,) * 5  # rows, pose, places, gaps and normals of the last forces
@@ -100,10 +96,7 @@ class RigidContact:
         A cell that overlaps it then presses from there on, beyond what it had pressed on an obstacle that ends: one
         that takes the place of another bears what that bore, and none brings energy.
         """
-        if self.motion is not None:
-            self.motion.appear(time)
-            self._time = time
-            self.pose = self.pose_before = self.motion.pose(time)
+        self.stand(time)
         if before is None:
             return
         borne = np.zeros(p.owned)
@@ -120,7 +113,7 @@ class RigidContact:
 
     def _press_from_here(self, p, rows, borne):
         """Have cells that overlap by more than `borne` m reach just so far; a point behind the surface is a breach."""
-        gap, _ = self._gap(p.position[rows], self.pose)
+        gap, _ = self.gap_at(p.position[rows], self.pose)
         self._reach_to(p, rows, np.minimum(gap - self.reach + borne, 0.0))
         self._note_breach(p.position[rows], gap + borne, 0.0)
 
@@ -148,26 +141,28 @@ class RigidContact:
 
     def overlaps(self, p: Particles) -> np.ndarray:
         """How far the cells of the points reach into the obstacle, (owned,) m; negative off it."""
-        gap, _ = self._gap(p.position[: p.owned], self.pose)
+        gap, _ = self.gap_at(p.position[: p.owned], self.pose)
         return self.reach + getattr(p, self.cell)[:, 1] - gap
 
     def look_behind(self, p: Particles) -> None:
         """Note the point that is deepest behind the surface, if it has passed it."""
-        gap, _ = self._gap(p.position[: p.owned], self.pose)
+        gap, _ = self.gap_at(p.position[: p.owned], self.pose)
         self._note_breach(p.position[: p.owned], gap, _LOST * self.reach)
 
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Add normal and friction force; velocities are those of the middle of the step."""
         if self._idle is p.id:
+            if self.reaction is not None:
+                self.reaction.leave()
             return
-        self._advance(time, dt)
+        self.advance(time, dt)
         before = self.pose_before
         rows = self._near(p, self.pose)
         if self.reaction is not None:
             self.reaction.watch(p, rows)
         if len(rows):
             x = p.position.take(rows, axis=0)
-            gap, normal = self._gap(x, self.pose)
+            gap, normal = self.gap_at(x, self.pose)
             self._seen = rows, self.pose, x, gap, normal
             obstacle = np.zeros(x.shape)
             if before is not None and self.pose is not None:
@@ -180,17 +175,6 @@ class RigidContact:
         if self.reaction is not None:
             self.reaction.take(p, rows, before, self.pose, dt)
 
-    def _advance(self, time, dt):
-        """Move the obstacle to its place at the end of the step; while relaxation holds the time, it stands still."""
-        if self.motion is not None:
-            self.pose_before = self.pose
-            if time != self._time:
-                self._time, self.pose = time, self.motion.advance(time, dt)
-
-    def gap(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Gap (n,) m of positions (n, d) to the obstacle where it is now, and normal (n, d) of its surface."""
-        return self._gap(position, self.pose)
-
     def frequency(self, comm, p: Particles, time: float, ahead: float) -> float:
         """Frequency (rad/s), at most, with which a free obstacle swings on what it touches now or may in `ahead` s."""
         if self.feelers is None:
@@ -198,12 +182,6 @@ class RigidContact:
         held = comm.allreduce(len(self._held(p, time, ahead)[0]))
         stiffness = held * self.stiffness + len(self.feelers.places) * self.feelers.stiffness
         return float(np.sqrt(stiffness * self.feelers.softness))
-
-    def _gap(self, position, pose):
-        if pose is None:
-            return self.surface.gap(position)
-        gap, normal = self.surface.gap(pose.entered(position))
-        return gap, pose.directed(normal)
 
     def add_stiffness(self, p: Particles, time: float, ahead: float, stiffness: np.ndarray) -> None:
         """Add the contact's stiffness (N/m) to `stiffness` (owned,) of the points that it holds, or may `ahead` (s)."""
@@ -224,7 +202,7 @@ class RigidContact:
 
         All obstacles that add to the same array `filled` see the same velocities.
         """
-        pose, x, velocity = self._pose_at(time), p.position[: p.owned], p.velocity[: p.owned]
+        pose, x, velocity = self.pose_at(time), p.position[: p.owned], p.velocity[: p.owned]
         if pose is not None and self.motion is not None:
             velocity = velocity - velocity_between(pose, self.motion.pose(time + ahead), ahead, x)
             speed = largest_length(velocity)
@@ -235,7 +213,7 @@ class RigidContact:
         if not len(rows):
             self.closing = 0.0
             return rows, np.empty(0), np.empty((0, p.dimension))
-        gap, normal = self._gap(x[rows], pose)
+        gap, normal = self.gap_at(x[rows], pose)
         approach = -(velocity[rows] * normal).sum(axis=1)
         soon = gap - self.reach < np.maximum(margin, _HASTE * ahead * approach)
         held = soon | (getattr(p, self.cell)[rows, 1] > 0.0)
@@ -256,7 +234,7 @@ class RigidContact:
             return
         there, pose, x, gap, normal = self._seen
         if not (there is rows and pose is self.pose and are_at(rows, x, p.position)):  # something has moved
-            gap, normal = self._gap(p.position[rows], self.pose)
+            gap, normal = self.gap_at(p.position[rows], self.pose)
         guide_points(
             rows, gap, np.ascontiguousarray(normal), self.reach, p.own(self.cell), room, part, way, lift, p.dim
         )
@@ -267,21 +245,9 @@ class RigidContact:
             return self._friction.at(place if self.pose is None else self.pose.entered(place))
         return self._friction
 
-    def outline(self, p: Particles, time: float, middle: np.ndarray, size: float):
-        """How the obstacle is drawn at this time, see `Surface.outline`."""
-        pose = self._pose_at(time)
-        if pose is None:
-            return self.surface.outline(middle, size)
-        points, cells = self.surface.outline(pose.entered(middle[None])[0], size)
-        return pose.left(points), cells
-
-    def will_push(self, p: Particles, time: float, until: float) -> bool:
-        """Whether the obstacle moves, and meets a point of this rank where it is now before the time `until`."""
-        if self.motion is None:
-            return False
-        x = p.position[: p.owned]
-        gaps = (self._gap(x, self.motion.pose(t))[0] for t in np.linspace(time, until, _LOOKS))
-        return any(gap.min(initial=np.inf) < self.reach for gap in gaps)
+    def is_idle(self, p: Particles) -> bool:
+        """Whether it touches no point of this rank until neighbours are found anew."""
+        return self._idle is p.id
 
     def within_reach(self, p: Particles) -> np.ndarray:
         """Owned rows of the points that it may touch soon."""
@@ -289,23 +255,19 @@ class RigidContact:
 
     def memory(self) -> dict:
         """What a checkpoint keeps."""
-        parts = {"motion": self.motion, "reaction": self.reaction}
-        kept = {"time": self._time} | {name: part.memory() for name, part in parts.items() if part is not None}
+        kept = super().memory()
+        if self.reaction is not None:
+            kept["reaction"] = self.reaction.memory()
         return kept if self.modulus is None else kept | {"stiffness": self.stiffness, "modulus": self.modulus}
 
     def recall(self, memory: dict) -> None:
         """Go on from there."""
-        self._time, self.breach = memory["time"], None
+        super().recall(memory)
+        self.breach = None
         if self.modulus is not None:
             self.stiffness, self.modulus = memory["stiffness"], memory["modulus"]
-        if self.motion is not None:
-            self.motion.recall(memory["motion"])
-            self.pose = self.pose_before = None if self._time is None else self.motion.pose(self._time)
         if self.reaction is not None:
             self.reaction.recall(memory["reaction"])
-
-    def _pose_at(self, time):
-        return None if self.motion is None else self.motion.pose(time)
 
     def _near(self, p, pose):
         """Rows that may touch before points or obstacle have moved half of the skin, or that did."""
@@ -315,14 +277,14 @@ class RigidContact:
         rows = self._candidates(p, pose, 0.0)
         if len(rows):
             x = p.reference_position[rows]
-            gap, _ = self._gap(x, pose)
+            gap, _ = self.gap_at(x, pose)
             near = ~(gap >= SOON * self.reach + self.skin)  # NaN is near
             near |= getattr(p, self.spring)[rows].any(axis=1) | getattr(p, self.cell)[rows, :2].any(axis=1)
             rows = rows[near]
             self._note_breach(x[near], gap[near], _LOST * self.reach)
         radius = 0.0 if pose is None else largest_length(p.reference_position[: p.owned] - pose.reference)
         self._chosen = p.id, pose, radius, rows
-        self._idle = p.id if pose is None and self.reaction is None and not len(rows) else None
+        self._idle = p.id if pose is None and not len(rows) else None
         return rows
 
     def _note_breach(self, position, gap, most):

@@ -13,14 +13,16 @@ from mpi4py import MPI
 from periporo.core.numerics import jit
 from periporo.core.points import fields
 from periporo.core.points.probes import Probes
+from periporo.core.ranks.patience import wait_for_all
 from periporo.core.ranks.processors import agree
 from periporo.core.scene.build import build, output_names
 from periporo.core.scene.doubts import without_company
 from periporo.core.scene.source import Source, naming, read_everywhere
+from periporo.core.scene.water_doubts import units_of_water
 from periporo.core.simulation import Simulation
 from periporo.core.watch.interrupt import Interrupted, Keeper, Signals
 from periporo.core.watch.observers import Callback, HistoryObserver, ProgressObserver, ResultObserver, present_obstacles
-from periporo.core.watch.state import State, StateError, memory, tables
+from periporo.core.watch.state import State, StateError, for_file
 from periporo.core.watch.state import resume as resume_from
 from periporo.core.watch.summary import figures_of, history_units, summary
 from periporo.core.watch.watchdog import Watchdog
@@ -131,13 +133,15 @@ def _observe(scene, sim, writer, names, probes, progress, callbacks) -> HistoryO
 
 def _begin(scene, sim, source, target, state, message):
     """Start the simulation, or put it into the `state` to go on from; say what is doubtful about it."""
-    if not jit.cache_is_warm():
+    if sim.comm.rank == 0 and not jit.cache_is_warm():
         message(jit.COMPILING)
     _start(sim, source, target) if state is None else _go_on(sim, state, target)
-    jit.remember_warm()
+    if sim.comm.rank == 0:
+        jit.remember_warm()
     for remark in jit.remarks:
         message(remark)
-    for remark in without_company(sim, scene):
+    units = units_of_water(scene) if state is None else []  # said once
+    for remark in [*without_company(sim, scene), *units]:
         message(f"doubtful: {remark}")
 
 
@@ -173,6 +177,7 @@ def everywhere(comm, function, *arguments):
             value = function(*arguments)
         except OSError as error:
             failure = str(error)
+    wait_for_all(comm)
     value, failure = comm.bcast((value, failure))
     if failure is not None:
         raise OutputError(failure)
@@ -183,7 +188,8 @@ def _writer(scene, target, sim, names, probes, overwrite, state):
     declared = {n: (f.columns, f.unit) for n, f in fields.available(sim).items() if n in names}
     told = {name: unit for part in sim.reactions for name, unit in part.units.items()}
     return ResultWriter(
-        target, sim.comm, dimension=scene.dimension, fields=declared, attributes=_attributes(scene, sim),
+        target, sim.comm, dimension=scene.dimension, fields=declared,
+        attributes=_attributes(scene, sim) if sim.comm.rank == 0 else None,  # which alone writes them
         history_units=history_units() | flow.UNITS | probes.units | told, overwrite=overwrite,
         parts=scene.output.parts, obstacles=any(hasattr(c, "outline") for stage in sim.stages for c in stage.contacts),
         resume_step=None if state is None else state.memory["simulation"]["step_number"],
@@ -200,12 +206,12 @@ def _watchdog(scene, target, writer, message):
 def _keeper(scene, target, writer, walltime, signals, message, began):
     """Checkpoints as the scene asks for them; without, only when the run is asked to stop."""
     chosen = scene.checkpoint or Checkpoint()
-    configuration = _fingerprint(scene)
 
     def write(sim):
         writer.sync()
-        now = sim.step_number, memory(sim), tables(sim)
-        return checkpoint.write(writer.background, target, *now, configuration, chosen.keep, scene.output.parts)
+        configuration = _fingerprint(scene) if sim.comm.rank == 0 else ""  # which alone writes it
+        parts = chosen.keep, scene.output.parts
+        return checkpoint.write(writer.background, target, *for_file(sim), configuration, *parts)
 
     interval = None if scene.checkpoint is None else chosen.interval
     return Keeper(write, signals, writer.background, interval=interval, walltime=walltime, message=message, began=began)

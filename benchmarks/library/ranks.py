@@ -10,10 +10,15 @@ from .. import ROOT
 _SHARED_CORES = {"MPIR_CVAR_ENABLE_HEAVY_YIELD": "1"}
 
 
-def start(ranks: int, benchmark: str, *words) -> str:
-    """Standard output of a benchmark with these words on a number of ranks; they wait patiently if they share cores."""
+def command(ranks: int, *words) -> tuple[list[str], dict[str, str]]:
+    """What starts Python with these words on a number of ranks, and variables: they wait patiently if cores are few."""
     mpirun = Path(sys.executable).with_name("mpirun")
-    command = [str(mpirun), "-n", str(ranks), sys.executable, "-m", "benchmarks", benchmark, *map(str, words)]
     patience = _SHARED_CORES if ranks > (os.cpu_count() or 1) else {}
-    run = subprocess.run(command, check=True, cwd=ROOT, env=os.environ | patience, stdout=subprocess.PIPE, text=True)
+    return [str(mpirun), "-n", str(ranks), sys.executable, *map(str, words)], patience
+
+
+def start(ranks: int, benchmark: str, *words) -> str:
+    """Standard output of a benchmark with these words on a number of ranks."""
+    line, patience = command(ranks, "-m", "benchmarks", benchmark, *words)
+    run = subprocess.run(line, check=True, cwd=ROOT, env=os.environ | patience, stdout=subprocess.PIPE, text=True)
     return run.stdout

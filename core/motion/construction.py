@@ -21,7 +21,8 @@ class Construction:
 
     `arrive` gives the fields of new points that belong to this rank (see `rebuild`); they come without
     stress. `names` and `ids` of what arrives, for messages. The points `changed` (sorted ids) become the material
-    `into` (numbers), with the stress and the volume that they have.
+    `into` (numbers), with the stress and the volume that they have. `doubt` looks at what stands then, and raises what
+    it cannot bear.
     """
 
     removed: np.ndarray
@@ -30,6 +31,7 @@ class Construction:
     ids: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
     changed: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
     into: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
+    doubt: Callable[..., None] | None = None
 
     @staticmethod
     def attach(p: Particles) -> None:
@@ -54,6 +56,8 @@ class Construction:
         sim.evaluate_forces()  # of the same strains: no time passes
         sim.bonds.inherits = False
         sim.dt = dt
+        if self.doubt is not None:
+            self.doubt(sim)
 
     def _change(self, sim):
         """Give points their new material: rows without a past begin with the stress that these points have now."""

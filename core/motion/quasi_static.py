@@ -3,7 +3,8 @@
 Time goes on in increments. In each one water flows, in pores that give way as elastic soil would under a constant total
 stress, and then the soil finds its equilibrium under the pressures; what its pores do beyond that is corrected until
 both agree (the fixed-stress split: Kim, Tchelepi & Juanes 2011). Increments are as long as the rates of pressure change
-little from one to the next. Where no equilibrium is found any more the stage is over, and the next one goes on.
+little from one to the next. Where no equilibrium is found, an increment is begun again from where it began with a
+shorter one; where that is as short as can be, the stage is over, and the next one goes on.
 """
 
 import math
@@ -19,8 +20,9 @@ _AGREED = 0.2  # of the accuracy: to what flow and equilibrium have to agree
 _TURNS, _MOST_TURNS = 6, 30  # of the two in an increment: after these the accuracy itself will do, and most
 _REFUSED = 3.0  # accuracies, at which an increment is tried again with a shorter one
 _GROWTH, _DECLINE, _CAREFUL = 1.5, 0.25, 0.9
+_SHARP = 1e-3  # of the stage so far: how well its end is known at least
 _WAY, _LARGEST_WAY = 0.25, 1.0  # spacings in an increment: to which it is made shorter, and which is no equilibrium
-_REMEMBERED = ("end_time", "length", "increments", "lost", "_begun", "_turns", "_over")
+_REMEMBERED = ("end_time", "length", "increments", "repeated", "lost", "_begun", "_turns", "_shortest", "_over")
 
 
 @dataclass
@@ -29,7 +31,8 @@ class QuasiStaticStage(Stage):
 
     Each increment may err by `accuracy` of the largest pressure (root mean square over the points); the force out of
     balance falls to `tolerance` of the load, in at most `max_steps` of an increment. `water` offers `start`, `flow`,
-    `disagreement`, `correct`, `accept` and `stop` (`periporo.core.water.increments`).
+    `disagreement`, `correct`, `accept` and `stop` (`periporo.core.water.increments`), `states` offers `capture` and
+    `install` (`periporo.core.watch.state`). `repeated` counts increments that were begun again.
     """
 
     duration: float = 0.0
@@ -37,9 +40,11 @@ class QuasiStaticStage(Stage):
     tolerance: float = 1e-4
     max_steps: int = 10_000
     water: Any = field(default=None, repr=False, compare=False)
+    states: Any = field(default=None, repr=False, compare=False)
     end_time: float = 0.0
     length: float = 0.0  # s, of the next increment, or of the present one
     increments: int = 0
+    repeated: int = 0
     lost: str = ""
     settling: Settling = field(init=False, repr=False, compare=False)
     by_increments: ClassVar[bool] = True  # observers look after them, not after steps
@@ -51,7 +56,7 @@ class QuasiStaticStage(Stage):
 
     def _set_out(self, sim) -> None:
         self.end_time = sim.time + self.duration
-        self.increments, self.lost, self._over = 0, "", False
+        self.increments, self.repeated, self.lost, self._over = 0, 0, "", False
 
     def _begin(self, sim) -> None:
         self.settling = Settling(self.name, self.tolerance, self.max_steps)
@@ -63,28 +68,43 @@ class QuasiStaticStage(Stage):
 
     def _is_over(self, sim) -> bool:
         while not self._over:
+            if self.begun_with is None:
+                self.begun_with = self.states.capture(sim)
             try:
                 if self.length == 0.0 and self.water.disagreement() > _AGREED * self.accuracy:
                     self._answer_at_once(sim)
                 if not self.settling.is_over(sim):
                     return False
             except RelaxationError as reason:
-                self.lost = str(reason).partition(": ")[2]
-                self._over = True
-                break
+                self._lose(sim, str(reason).partition(": ")[2])
+                continue
             disagreement = self.water.disagreement()
-            if disagreement > (_AGREED if self._turns < _TURNS else 1.0) * self.accuracy:
-                if self._turns == _MOST_TURNS:
-                    self.lost = f"flow and equilibrium differ by {disagreement:.3g} of the pressure; raise accuracy"
-                    self._over = True
-                    break
+            if not disagreement > (_AGREED if self._turns < _TURNS else 1.0) * self.accuracy:
+                self._accept(sim)
+            elif self._turns == _MOST_TURNS:
+                self._lose(sim, f"flow and equilibrium differ by {disagreement:.3g} of the pressure; raise accuracy")
+            else:
                 self._turns += 1
                 self.water.correct()
                 self.water.flow(self.length)
                 self._settle(sim, again=True)
-                continue
-            self._accept(sim)
         return True
+
+    def _lose(self, sim, reason: str) -> None:
+        """There is no equilibrium at the end of the increment: begin it again, shorter, or end the stage."""
+        gone = self._begun - (self.end_time - self.duration)
+        shortest = max(self._shortest, _SHARP * gone)
+        length, repeated, ends = self.length, self.repeated, not self.length > shortest
+        if not ends or math.isnan(self.settling.residual):
+            reduction = sim.time_step.reduction
+            self.states.install(sim, self.begun_with)
+            sim.dt *= reduction / sim.time_step.reduction  # what the watchdog has found out holds
+            sim.time_step.reduction = reduction
+        if ends:
+            self.lost, self._over = reason, True
+            return
+        self._enter(sim, max(_DECLINE * length, shortest))
+        self.repeated = repeated + 1
 
     def _answer_at_once(self, sim) -> None:
         """Let the water answer to each move towards undrained equilibrium: its soil alone would go far astray."""
@@ -121,12 +141,13 @@ class QuasiStaticStage(Stage):
         p = sim.particles
         p.settled_from[:] = p.position[: p.owned]
         self.settling.largest_way = math.inf if length == 0.0 else _LARGEST_WAY * sim.spacing
-        shortest = self.water.shortest_time()
-        while self.water.flow(length) > _REFUSED * self.accuracy and length > shortest:
-            length = max(_DECLINE * length, shortest)
+        self._shortest = self.water.shortest_time()
+        while self.water.flow(length) > _REFUSED * self.accuracy and length > self._shortest:
+            length = max(_DECLINE * length, self._shortest)
         self.length, self._turns = length, 0
         sim.ahead = length
         self._settle(sim)
+        self.begun_with = None
 
     def _settle(self, sim, again: bool = False) -> None:
         """Look for equilibrium under the present pressures."""
@@ -137,9 +158,11 @@ class QuasiStaticStage(Stage):
     def _finish(self, sim) -> str:
         self.settling.end(sim)
         self.water.stop()
+        self.begun_with = None
         sim.ahead = 0.0
         ending = f"equilibrium is lost at t = {sim.time:.6g} s: {self.lost}" if self.lost else f"t = {sim.time:.6g} s"
-        return f"{ending}, {self.increments} increments"
+        again = f", {self.repeated} more begun again with shorter ones" if self.repeated else ""
+        return f"{ending}, {self.increments} increments{again}"
 
     def memory(self) -> dict:
         """What a checkpoint keeps."""

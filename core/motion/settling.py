@@ -71,6 +71,12 @@ class Settling(Relaxation):
         for name in _REMEMBERED:
             setattr(self, name, memory[name])
 
+    def _measure(self, sim):
+        force = super()._measure(sim)
+        if math.isnan(self.residual):  # before points that are nowhere count as free of forces
+            raise RelaxationError(f"stage '{self.name}': the forces on points are no numbers any more")
+        return force
+
     def _scale_without_load(self, square):
         """The largest that was out of balance since the stage began; any, where nothing is."""
         self._largest = max(self._largest, square)

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -30,6 +30,8 @@ class Stage(ABC):
     loads: list = field(default_factory=list)
     inflows: list = field(default_factory=list)  # of water
     construction: Construction | None = field(default=None, kw_only=True)
+    begun_with: Any = field(default=None, kw_only=True, repr=False, compare=False)
+    """The `State` in which the present increment or trial began, if it may begin again: what checkpoints hold."""
     sleeps: ClassVar[bool] = False
     """Whether points may sleep, where the scene lets them."""
 

@@ -22,7 +22,9 @@ import llvmlite.binding
 import numba
 import numba.extending
 from numba.core import config as numba_config
-from numba.core.registry import CPUDispatcher, cpu_target
+from numba.core import types
+from numba.core.registry import cpu_target
+from numba.core.runtime import _nrt_python
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 _UNUSED = 30 * 86400.0  # s after which machine code that no process asked for is deleted
@@ -95,9 +97,7 @@ def program_fingerprint() -> str:
 @functools.cache
 def _imported(source: Path) -> frozenset[Path]:
     """Files of the program, and of the package that `source` belongs to, that `source` imports."""
-    root = source.parent
-    while (root / "__init__.py").exists():
-        root = root.parent
+    root = _root(source.parent)
     found: set[Path] = set()
     for module, names, plain in _IMPORTS.findall(source.read_text()):
         below = [re.split(r"\s+as\s+|\s", name.strip())[0] for name in names.strip("()").split(",")]
@@ -109,6 +109,12 @@ def _imported(source: Path) -> frozenset[Path]:
                 place, parts = _PACKAGE, parts[1:]
             found |= _files_of(os.path.join(place, *parts))
     return frozenset(p for p in found if p != source)
+
+
+@functools.cache
+def _root(folder: Path) -> Path:
+    """The folder that the package lies in to which a folder belongs."""
+    return _root(folder.parent) if (folder / "__init__.py").exists() else folder
 
 
 @functools.cache
@@ -124,7 +130,7 @@ def sources_of(source: Path) -> tuple[Path, ...]:
     while new:
         found |= new
         new = set().union(*(_imported(path) for path in new)) - found
-    return tuple(sorted(found))
+    return tuple(sorted(found, key=str))  # paths compare part by part, ten times as slowly
 
 
 def _home() -> Path:
@@ -258,14 +264,22 @@ def kernel(function):
         _remark(f"compiled kernels cannot be kept in {CACHE_ROOT}; every run compiles them")
         return numba.njit(fastmath=FASTMATH, error_model="numpy")(function)
     if not numba_config.DISABLE_JIT:  # which leaves functions as they are, for a debugger
-        _forgive_full_disks(compiled)
+        _make_lean(compiled._cache)
     return compiled
 
 
-def _forgive_full_disks(compiled) -> None:
-    """Let a kernel work though its machine code cannot be written."""
-    cache = compiled._cache
-    save = cache.save_overload
+def _make_lean(cache) -> None:
+    """Have a kernel come from the cache without the compiler, and work though its machine code cannot be written.
+
+    Numba sets up all that it can compile before it reads machine code, a third of a second that is spent on every rank
+    at once, and keeps what would be needed to call a kernel from another, which none does.
+    """
+    load, save, reduce = cache._load_overload, cache.save_overload, cache._impl.reduce
+
+    def load_alone(signature, target_context):
+        _tell_runtime()
+        with cache._guard_against_spurious_io_errors():
+            return load(signature, target_context)
 
     def save_or_remark(signature, data):
         try:
@@ -273,14 +287,43 @@ def _forgive_full_disks(compiled) -> None:
         except OSError as error:
             _remark(f"compiled kernels cannot be kept in {CACHE_ROOT}: {error.strerror}; every run compiles them")
 
-    cache.save_overload = save_or_remark
+    def reduce_to_machine_code(result):
+        (name, kind, (code, _)), described, *rest, environments = reduce(result)
+        entry = f'define void @"{described.llvm_cpython_wrapper_name}"() {{ ret void }}'  # numba asks if it is there
+        stub = llvmlite.binding.parse_assembly(entry).as_bitcode()
+        return (name, kind, (code, stub)), described, *rest, tuple(e for e in environments if e.consts)
+
+    cache.load_overload, cache.save_overload, cache._impl.reduce = load_alone, save_or_remark, reduce_to_machine_code
 
 
-class _Inlined(CPUDispatcher):
+@functools.cache
+def _tell_runtime() -> None:
+    """Tell machine code where numba's functions are that it calls, as its own start does before it compiles some."""
+    for name, address in _nrt_python.c_helpers.items():
+        llvmlite.binding.add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
+
+
+class Inlined:
     """A function that kernels compile; Python calls it as it is written."""
+
+    def __init__(self, function):
+        functools.update_wrapper(self, function)
+        self.py_func = function
 
     def __call__(self, *arguments):
         return self.py_func(*arguments)
+
+    @functools.cached_property
+    def compiled(self):
+        """What the compiler wants, made when it asks: kernels that come from the cache want none."""
+        return numba.njit(
+            fastmath=FASTMATH, error_model="numpy", forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True
+        )(self.py_func)
+
+
+@numba.extending.typeof_impl.register(Inlined)
+def _type_of(value, context):
+    return types.Dispatcher(value.compiled)
 
 
 def inlined(function):
@@ -290,11 +333,7 @@ def inlined(function):
     and to one that was optimised apart if it was compiled in this process. They may round differently. What Python
     would need to call machine code is left out, for it takes a third of the compiler's time.
     """
-    compiled = numba.njit(
-        fastmath=FASTMATH, error_model="numpy", forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True
-    )(function)
-    compiled.__class__ = _Inlined
-    return compiled
+    return function if numba_config.DISABLE_JIT else Inlined(function)
 
 
 overload = functools.partial(numba.extending.overload, jit_options={"no_cfunc_wrapper": True})

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from mpi4py import MPI
 
 from periporo.core.numerics import jit
+from periporo.core.ranks.patience import wait_for_all
 from periporo.errors import InputError, Problem
 
 
@@ -14,6 +15,7 @@ def agree(comm: MPI.Comm, wants_common: Callable[[], bool]) -> None:
     `wants_common` is asked on rank 0 whether that is wanted. Raises InputError, on all ranks alike, if not, or if it is
     too late for it.
     """
+    wait_for_all(comm)  # where all have started, or read what rank 0 has
     if not comm.allreduce(comm.bcast(jit.processor()) != jit.processor(), MPI.LOR):
         return
     processors = comm.allgather(jit.processor())

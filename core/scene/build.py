@@ -1,5 +1,6 @@
 """From validated input to a simulation: the only file that knows which features exist."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -91,11 +92,15 @@ def build(scene: SceneInput, comm: MPI.Comm) -> Simulation:
         sim.bonds.initial_stress_is_total = water is not None and scene.initial_stress.type == "geostatic"
     free_water = [] if water is None or water.free is None else [water.free]
     sim.stages = [build_stage(scene, sim, stage, contacts, free_water, lattices) for stage in scene.stages]
-    if any(stage.inflows for stage in sim.stages):
-        sim.preparations.append(lambda sim: refuse_inner_inflows(scene, sim))
     if isinstance(water, FlowingWater) and any(stage.type not in STILL for stage in scene.stages):
         sim.refusals_of_step.append(lambda sim: refuse_hasty_flow(scene, sim, water))
     build_constructions(scene, sim, lattices, maker)
+    if any(stage.inflows for stage in sim.stages):
+        if sim.stages[0].construction is None:
+            sim.preparations.append(lambda sim: refuse_inner_inflows(scene, sim))
+        for k, built in enumerate(sim.stages):
+            if built.construction is not None:
+                built.construction.doubt = partial(refuse_inner_inflows, scene, first=k)
     for model, built in zip(scene.stages, sim.stages, strict=True):
         built.contacts += [between[m] for m in [_bodies_models(scene, model)] if m]
         built.contacts.append(repulsion)

@@ -7,6 +7,8 @@ from periporo.core.motion.nonlocal_strain import FEWEST, averaged
 from periporo.core.points.material import Material
 from periporo.core.points.particles import Field
 from periporo.core.points.varied import VariedLaw
+from periporo.core.ranks.patience import wait_for_all
+from periporo.core.ranks.reductions import any_rank
 from periporo.core.scene.geostatic import GeostaticStress
 from periporo.errors import InputError, Problem, place_text
 from periporo.io.geometry.fields import FieldError, field_values, typical_value
@@ -195,14 +197,15 @@ def agreed(comm, make):
         refusal = (found.number, found.problem)
     except InputError as found:
         error = found
+    wait_for_all(comm)
+    if not any_rank(comm, refusal is not None or error is not None):
+        return result
     refusals = comm.allgather((refusal, error))
     errors = [e for _, e in refusals if e is not None]
     if errors:
         raise errors[0]
-    worst = min((r for r, _ in refusals if r is not None), default=None, key=lambda r: r[0])
-    if worst is not None:
-        raise InputError("scene", [worst[1]])
-    return result
+    _, problem = min((r for r, _ in refusals if r is not None), key=lambda r: r[0])
+    raise InputError("scene", [problem])
 
 
 def field_name(parameter: str) -> str:

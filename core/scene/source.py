@@ -7,6 +7,7 @@ from typing import Any
 
 from mpi4py import MPI
 
+from periporo.core.ranks.patience import wait_for_all
 from periporo.core.scene.build import build
 from periporo.core.simulation import Simulation
 from periporo.errors import InputError
@@ -30,6 +31,7 @@ def read_everywhere(source: Source, comm: MPI.Comm) -> SceneInput:
             scene = load_scene(source) if isinstance(source, str | Path) else parse_scene(source)
         except InputError as problem:
             error = problem
+    wait_for_all(comm)
     scene, error = comm.bcast((scene, error))
     if error is not None:
         raise error

@@ -9,6 +9,7 @@ from periporo.core.motion.quasi_static import QuasiStaticStage
 from periporo.core.motion.stages import DynamicsStage, RelaxStage
 from periporo.core.scene.boundaries import build_boundary, hold, over_time, selected_ids
 from periporo.core.scene.contacts import is_present
+from periporo.core.watch import state as states
 from periporo.core.watch.strength import StrengthReductionStage
 from periporo.core.water.boundaries import WaterBoundary
 from periporo.core.water.flow import flowing_water
@@ -47,7 +48,7 @@ def build_stage(scene, sim, stage, contacts, free_water, lattices):
         increments = flowing_water(sim).increments
         return QuasiStaticStage(
             stage.name, motions, present, loads, inflows, stage.duration, stage.accuracy, stage.tolerance,
-            stage.max_steps, increments,
+            stage.max_steps, increments, states,
         )  # fmt: skip
     if stage.damping.viscous > 0.0:
         base = None

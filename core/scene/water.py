@@ -58,13 +58,17 @@ def wetted(scene, materials, water: PoreWater | None) -> list:
     ]
 
 
-def refuse_inner_inflows(scene, sim) -> None:
-    """Raise InputError for a boundary of water none of whose points has a face at the surface on its side."""
-    outer = flowing_water(sim).outer_faces(sim.particles)
-    for stage, built in zip(scene.stages, sim.stages, strict=True):
-        named = [name for name in stage.boundaries if scene.boundaries[name].water is not None]
-        for name, boundary in zip(named, built.inflows, strict=True):
-            p = sim.particles
+def refuse_inner_inflows(scene, sim, first: int = 0) -> None:
+    """Raise InputError for a boundary of water none of whose points has a face at the surface on its side.
+
+    Of the stages from `first` on until one digs or builds, which is when the faces of those after it are known.
+    """
+    p, outer = sim.particles, flowing_water(sim).outer_faces(sim.particles)
+    for k in range(first, len(sim.stages)):
+        if k > first and sim.stages[k].construction is not None:
+            break
+        named = [name for name in scene.stages[k].boundaries if scene.boundaries[name].water is not None]
+        for name, boundary in zip(named, sim.stages[k].inflows, strict=True):
             here, faces = int(np.isin(p.id[: p.owned], boundary.ids).sum()), len(boundary.faces(p, outer).rows)
             if boundary.obstacle is not None:
                 continue  # soil may come to it later
@@ -72,8 +76,8 @@ def refuse_inner_inflows(scene, sim) -> None:
                 side = scene.boundaries[name].water.side
                 towards = "" if side is None else f" that looks to {side}"
                 message = (
-                    f"none of its points has a face at the surface{towards}, through which water could go; let 'where' "
-                    "reach to the surface, or choose another side"
+                    f"none of its points has a face at the surface{towards} in stage '{scene.stages[k].name}', through "
+                    "which water could go; let 'where' reach to the surface, or choose another side"
                 )
                 raise InputError("scene", [Problem(("boundaries", name, "water"), message)])
 

@@ -17,10 +17,14 @@ def doubts_about_water(scene, sim) -> list[str]:
     """Remarks on units, on rain from below, tables that hold nothing up or leave soil wet above, faces without soil."""
     if scene.pore_water is None:
         return []
-    water = scene.pore_water
     return [
-        *_strange_permeability(water), *_strange_rain(scene), *_strange_table(scene, sim), *_bare_obstacles(scene, sim),
+        *units_of_water(scene), *_rain_from_below(scene), *_strange_table(scene, sim), *_bare_obstacles(scene, sim),
     ]  # fmt: skip
+
+
+def units_of_water(scene) -> list[str]:
+    """Remarks on permeability, conductivity and rain that seem to be in another unit."""
+    return [] if scene.pore_water is None else [*_strange_permeability(scene.pore_water), *_strange_rain(scene)]
 
 
 def _strange_permeability(water) -> list[str]:
@@ -41,8 +45,8 @@ def _strange_permeability(water) -> list[str]:
 
 
 def _strange_rain(scene) -> list[str]:
-    """A remark on rain that never fell, and on rain on faces that look down."""
-    doubts, gravity = [], scene.vector(scene.gravity)
+    """A remark on rain that never fell."""
+    doubts = []
     for name, boundary in scene.boundaries.items():
         rain = None if boundary.water is None else boundary.water.rain
         most = 0.0 if rain is None else max(rain.values)
@@ -51,6 +55,15 @@ def _strange_rain(scene) -> list[str]:
                 f"boundary '{name}': a rain of {most:.3g} m/s is more than ever fell ({_CLOUDBURST:g} m/s are 360 "
                 "mm/h); is it in mm/h?"
             )
+    return doubts
+
+
+def _rain_from_below(scene) -> list[str]:
+    """A remark on rain on faces that look down."""
+    doubts, gravity = [], scene.vector(scene.gravity)
+    for name, boundary in scene.boundaries.items():
+        rain = None if boundary.water is None else boundary.water.rain
+        most = 0.0 if rain is None else max(rain.values)
         side = None if boundary.water is None else boundary.water.side
         if most > 0.0 and side is not None and gravity["xyz".index(side[0])] * (1.0 if side[1] == "+" else -1.0) > 0.0:
             doubts.append(f"boundary '{name}': no rain falls on faces that look to {side}, down; choose another side")

@@ -35,6 +35,7 @@ class State:
     rows: list[Carried]
     memory: dict
     domain: Domain | None = None
+    begun_with: "State | None" = None  # in which the present increment or trial of a stage began
 
     @classmethod
     def of_tables(cls, points: dict[str, np.ndarray], rows: list[dict[str, np.ndarray]], memory: dict) -> "State":
@@ -49,22 +50,34 @@ def point_fields(sim) -> list[str]:
 
 def capture(sim) -> State:
     """A copy of the present state, which stays on its ranks."""
-    n = sim.particles.owned
-    points = {name: getattr(sim.particles, name)[:n] for name in point_fields(sim)}
-    points = {name: array.copy() if array.flags.writeable else array for name, array in points.items()}
-    return State(points, [own_rows(sim, r) for r in sim.bonds.carriers], memory(sim), sim.domain)
+    points = {name: a.copy() if a.flags.writeable else a for name, a in _present_points(sim).items()}
+    began = sim.stages[sim.stage_number].begun_with
+    return State(points, [own_rows(sim, r) for r in sim.bonds.carriers], memory(sim), sim.domain, began)
 
 
-def tables(sim):
-    """The present state as tables for a file: (name, keys (n,), columns by name) of the points, then of each carrier.
+def _present_points(sim):
+    return {name: getattr(sim.particles, name)[: sim.particles.owned] for name in point_fields(sim)}
 
-    Rows are sorted by their keys; `State.of_tables` takes the columns back.
+
+def for_file(sim):
+    """What a checkpoint keeps: number of the step, memory, and tables of the state from which a run is to go on.
+
+    That is the present one, or that in which the present increment or trial of the stage began. Tables are (name,
+    keys (n,), columns by name) of the points, then of each carrier, one after the other; rows are sorted by their keys,
+    and `State.of_tables` takes the columns back. Collective.
     """
-    order = np.argsort(sim.particles.id[: sim.particles.owned], kind="stable")
-    columns = {name: getattr(sim.particles, name)[order] for name in point_fields(sim)}
+    began = sim.stages[sim.stage_number].begun_with
+    kept = memory(sim) if began is None else began.memory
+    return kept["simulation"]["step_number"], kept, _tables(sim, began)
+
+
+def _tables(sim, began):
+    points = _present_points(sim) if began is None else began.points
+    order = np.argsort(points["id"], kind="stable")
+    columns = {name: array[order] for name, array in points.items()}
     yield "points", columns["id"], columns
-    for held in sim.bonds.carriers:
-        rows = own_rows(sim, held)
+    for number, held in enumerate(sim.bonds.carriers):
+        rows = own_rows(sim, held) if began is None else began.rows[number]
         columns = {"ids": rows.ids, "stress": rows.stress, "state": rows.state}
         yield f"rows_{held.index}", rows.ids[:, 0], columns
 
@@ -186,6 +199,7 @@ def install(sim, state: State) -> None:
     """
     p, bonds, points = sim.particles, sim.bonds, awake_first(state.points)
     recall(sim, state.memory)
+    sim.stages[sim.stage_number].begun_with = state.begun_with
     sim.domain = state.domain
     # neighbours as they were found: the same pairs are listed for as long as in a run that was not interrupted
     owned = {f.name: points[f.name] for f in p.migrating()}

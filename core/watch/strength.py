@@ -4,6 +4,7 @@ Cohesion and tan(phi) are divided by a factor (Zienkiewicz et al. 1975), in tria
 which the stage begins: motion under viscous damping, in which what falls freely would get to the speed g/rate. Soil
 that still moves at more than a share of that at the end of a trial has failed. The least factor at which it does is
 bracketed, and the bracket halved until it is narrow. The last trial is one that failed, so that the results show how.
+Checkpoints are of the beginning of a trial.
 """
 
 from dataclasses import dataclass, field, replace
@@ -14,7 +15,7 @@ from periporo.core.motion.stages import Stage
 from periporo.core.numerics.tensors import square_lengths
 from periporo.core.points.particles import Field, Particles
 from periporo.core.ranks.reductions import maximum
-from periporo.core.watch.state import State, StateError, capture, install, memory
+from periporo.core.watch.state import State, capture, install, memory
 
 _WIDER = 1.3  # times the factor at which the soil still stands, while none is known at which it fails
 _LOOK = 100  # steps between looks at how far points have gone
@@ -46,6 +47,7 @@ class StrengthReductionStage(Stage):
     began: float = 0.0  # s, the present trial
     last: bool = False  # whether it is shown only
     _start: State | None = field(default=None, repr=False, compare=False)
+    _recalled: bool = field(default=False, repr=False, compare=False)
     _laws: list = field(default_factory=list, repr=False, compare=False)
 
     @property
@@ -58,16 +60,23 @@ class StrengthReductionStage(Stage):
         """Declare what the points keep."""
         p.add_field(Field("weakened_from", p.dimension, "m", sent=False, place=True))
 
-    def _set_out(self, sim) -> None:
-        self._laws = [block.material for block in sim.bonds.blocks]
-
     def _begin(self, sim) -> None:
         self.first_step, self.began = sim.step_number, sim.time
         self.initial_energies = sim.ledger.entries()
-        self._start = capture(sim)
-        self._weaken(sim, 1.0)
+        self._take_start(sim)
+        self._set_off(sim)
+
+    def _take_start(self, sim):
+        """Remember with what the trials begin."""
+        self._laws = [block.material for block in sim.bonds.blocks]
+        self._start = self.begun_with = capture(sim)
 
     def _is_over(self, sim) -> bool:
+        if self._recalled and self._start is None:  # resumed at the beginning of a trial
+            self._take_start(sim)
+            self._set_off(sim)
+        elif self._recalled:  # by the watchdog, perhaps to the trial before
+            self._weaken(sim)
         failed = self._fails(sim)
         if failed is None:
             return False
@@ -118,19 +127,28 @@ class StrengthReductionStage(Stage):
         assert self._start is not None  # since the stage began
         now = memory(sim)
         now["simulation"]["skin"] = self._start.memory["simulation"]["skin"]  # with which its neighbours were found
-        install(sim, replace(self._start, memory=now))
-        self._weaken(sim, factor)
-        sim.apply_loads(0.0)
+        begun_with = replace(self._start, memory=now)
+        install(sim, begun_with)
+        self.begun_with = begun_with
+        self._set_off(sim)
 
-    def _weaken(self, sim, factor: float) -> None:
+    def _set_off(self, sim):
+        """Let a trial go."""
         p = sim.particles
         p.weakened_from[:] = p.position[: p.owned]
+        self._weaken(sim)
+        sim.apply_loads(0.0)
+
+    def _weaken(self, sim):
+        """Divide the strength by the factor of the present trial."""
+        self._recalled = False
         for block, law in zip(sim.bonds.blocks, self._laws, strict=True):
-            block.use(law.weakened(factor) if hasattr(law, "weakened") else law)
+            block.use(law.weakened(self.factor) if hasattr(law, "weakened") else law)
 
     def _finish(self, sim) -> str:
         for block, law in zip(sim.bonds.blocks, self._laws, strict=True):
             block.use(law)
+        self.begun_with = None
         return f"factor of safety {self.safety:.4g}: stands at {self.stands:.4g}, falls at {self.falls:.4g}"
 
     def memory(self) -> dict:
@@ -138,9 +156,8 @@ class StrengthReductionStage(Stage):
         return {name: getattr(self, name) for name in _REMEMBERED}
 
     def recall(self, sim, memory: dict) -> None:
-        """Go on from there. Raises StateError in a run that was resumed: the state of its start is gone."""
-        if self._start is None:
-            raise StateError(f"stage '{self.name}' looks for a factor of safety, which cannot be resumed within it")
+        """Go on from there."""
         for name in _REMEMBERED:
             setattr(self, name, memory[name])
+        self._recalled = True
         sim.rate_independent = False

@@ -198,7 +198,17 @@ def _mesh(path: Path, dimension: int) -> tuple[np.ndarray, list[tuple[str, np.nd
         raise PointFileError("its corners do not lie in one x-y plane, but the scene has 2 dimensions")
     if corners.shape[1] < dimension:
         raise PointFileError("it lies in a plane, but the scene has 3 dimensions")
-    return corners[:, :dimension], [(block.type, np.asarray(block.data)) for block in mesh.cells]
+    return corners[:, :dimension], _each_once([(block.type, np.asarray(block.data)) for block in mesh.cells])
+
+
+def _each_once(blocks: list[tuple[str, np.ndarray]]) -> list[tuple[str, np.ndarray]]:
+    """The cells of each kind, in the order of the file; gmsh writes a cell of two groups twice into MSH 2.2."""
+    joined = []
+    for kind in dict.fromkeys(kind for kind, _ in blocks):
+        cells = np.concatenate([cells for other, cells in blocks if other == kind])
+        _, first = np.unique(np.sort(cells, axis=1), axis=0, return_index=True)
+        joined.append((kind, cells[np.sort(first)]))
+    return joined
 
 
 def _from_vtk(path: Path, dimension: int) -> tuple[np.ndarray, np.ndarray | None]:

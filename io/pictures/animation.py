@@ -5,15 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from periporo.io.pictures.drawing import (
-    STYLE,
-    PointPicture,
-    choose_field,
-    colour_limits,
-    colour_values,
-    extent_of,
-    require_matplotlib,
-)
+from periporo.io.pictures.colours import choose_field, colour_limits, colour_values
+from periporo.io.pictures.drawing import STYLE, PointPicture, extent_of, require_matplotlib
 
 _MOST_FRAMES = 300
 _DURATION = 10.0  # s, of a movie with many outputs

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from periporo.core.numerics import cells, tensors
+from periporo.core.numerics import cells
 from periporo.core.numerics.gravity import vertical_axis
 from periporo.io.output.results import ResultError
+from periporo.io.pictures.colours import choose_field, colour_limits, colour_values, names_of
 from periporo.io.pictures.relief import Relief, grounds_of
 
-DEFAULT_FIELD = "equivalent_shear_strain"
 STYLE = {"font.size": 10, "axes.titlesize": 11, "axes.labelsize": 10, "legend.frameon": False,
          "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "0.35",
          "xtick.color": "0.35", "ytick.color": "0.35", "axes.labelcolor": "0.2", "savefig.dpi": 160,
@@ -19,6 +19,8 @@ _COLOURS = "viridis"
 _CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])  # of a square, over half its side
 
 
+_FAR = 20.0  # lengths of its last segment, by which a line without end is drawn on
+_WEB = 1.75  # spacings between points, up to which there is soil between them
 _FACES = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))  # of a hexahedron
 
 
@@ -42,59 +44,6 @@ def point_spacing(results):
     sample = position[:: max(1, len(position) // 50)]
     squared = [np.partition(np.sum((position - x) ** 2, axis=1), 1)[1] for x in sample]
     return float(np.sqrt(np.median(squared)))
-
-
-def choose_field(results, name=None):
-    """The field to colour by: `name`, or equivalent shear strain, or displacement if the file lacks that."""
-    if name is not None:
-        return name
-    return DEFAULT_FIELD if DEFAULT_FIELD in results.fields else "displacement"
-
-
-def colour_values(results, name, step=-1):
-    """Values (n,) to colour points by, and their label.
-
-    name: a field, 'field.component', or 'displacement'. Vectors give their magnitude, symmetric tensors
-    q = sqrt(3/2) |s| for a stress and the norm sqrt(2/3) |e| for a strain, s and e being the deviators.
-    """
-    base, _, component = name.partition(".")
-    if base == "displacement" and base not in results.fields:
-        rows, components, unit = _displacement(results, step), tuple(_AXES), "m"
-    else:
-        rows, components, unit = results.field(base, step), results.components(base), results.unit(base)
-    if component:
-        if component not in components:
-            raise ResultError(f"field {base!r} has no component {component!r}; "
-                              f"there are: {', '.join(components) or 'none, it is a number'}")
-        values, label = rows[:, components.index(component)], f"{base} {component}"
-    elif len(components) == 6:
-        strain = "strain" in base
-        values = tensors.deviator_norm(rows) * np.sqrt(2 / 3 if strain else 3 / 2)
-        label = f"equivalent {base}" if strain else f"equivalent shear {base}"
-    elif len(components) == 3:
-        values, label = np.linalg.norm(rows, axis=1), f"{base} magnitude"
-    else:
-        values, label = rows, base
-    return values, f"{label.replace('_', ' ')}{f' [{unit}]' if unit and unit not in ('-', '1') else ''}"
-
-
-def _displacement(results, step):
-    """Displacement (n, 3) since the first output; NaN for points that were not there."""
-    first, ids = results.ids(0), results.ids(step)
-    rows = np.full((len(ids), 3), np.nan)
-    _, now, then = np.intersect1d(ids, first, assume_unique=True, return_indices=True)
-    rows[now] = results.positions(step)[now] - results.positions(0)[then]
-    return rows
-
-
-def colour_limits(values):
-    """Lower and upper end of the colour scale: all but the outermost percent, so that no outlier rules it."""
-    finite = values[np.isfinite(values)]
-    if not finite.any():
-        return 0.0, 1.0
-    low, high = np.percentile(finite, (1, 99))
-    low = 0.0 if 0 <= low < 0.25 * high else low
-    return (low, high) if high > low else (low - 0.5, low + 0.5)
 
 
 @dataclass
@@ -140,13 +89,14 @@ class PointPicture:
         self.limits = limits
         self.figure, self.axes, self._bar = self._lay_out(Figure)
         prepared = [self._prepare(axes, view) for axes, view in zip(self.axes, self.views, strict=True)]
-        self.points, self.squares = zip(*prepared, strict=True)
+        self.points, self.squares, self.webs = zip(*prepared, strict=True)
         self.obstacles = [self._prepare_obstacles(axes) for axes in self.axes]
         self._grounds = grounds_of(results)
         up = vertical_axis(results.configuration.get("gravity"), results.dimension)
         self._reliefs = [Relief(axes, view, up) for axes, view in zip(self.axes, self.views, strict=True)]
         self.water = self._prepare_water()
         self.colour_bar = None
+        self._show_gravity()
 
     def show(self, step):
         """Draw output `step`."""
@@ -163,14 +113,19 @@ class PointPicture:
         for view, (areas, edges) in zip(self.views, self.obstacles, strict=True):
             areas.set_verts([face[:, [view.across, view.up]] for face in faces])
             edges.set_segments([line[:, [view.across, view.up]] for line in lines])
-        for view, points, squares in zip(self.views, self.points, self.squares, strict=True):
+        for view, points, squares, web in zip(self.views, self.points, self.squares, self.webs, strict=True):
             order = view.nearest_last(position)
             centres = position[order][:, [view.across, view.up]]
             points.set_offsets(centres)
             if squares is not None:
                 squares.set_verts(centres[:, None] + 0.52 * self.spacing * _CORNERS)
-            for collection in (c for c in (points, squares) if c is not None):
-                collection.set_array(np.ma.masked_invalid(values[order]))
+            shown = [(points, values[order]), (squares, values[order])]
+            if web is not None:
+                triangles = between(centres, _WEB * self.spacing)
+                web.set_verts(centres[triangles])
+                shown.append((web, values[order][triangles].mean(axis=1)))
+            for collection, colours in ((c, v) for c, v in shown if c is not None):
+                collection.set_array(np.ma.masked_invalid(colours))
                 collection.set_clim(*limits)
         if self.colour_bar is None:
             self._add_colour_bar(label, values)
@@ -214,7 +169,7 @@ class PointPicture:
         return figure, axes, figure.add_axes((0.15, 0.5 / height, 0.7, 0.15 / height))
 
     def _prepare(self, axes, view):
-        """The points of a view, and in two dimensions the squares below them; `show` fills them."""
+        """The points of a view, in two dimensions squares and what lies between below them; `show` fills them."""
         from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
 
         first = self.results.positions(0)
@@ -228,10 +183,11 @@ class PointPicture:
         if view.towards is not None:
             rim = min(0.3, 0.03 * 72 * self._scale * diameter)  # points (1/72 inch)
             points.set(edgecolors=(0, 0, 0, 0.35), linewidths=rim)
-            return points, None
-        squares = PolyCollection([], cmap=_COLOURS, linewidths=0, zorder=1)  # soil has no holes between its points
-        axes.add_collection(squares, autolim=False)
-        return points, squares
+            return points, None, None
+        squares, web = (PolyCollection([], cmap=_COLOURS, linewidths=0, zorder=z) for z in (1, 0.9))
+        for collection in (squares, web):  # soil has no holes between its points
+            axes.add_collection(collection, autolim=False)
+        return points, squares, web
 
     def _prepare_obstacles(self, axes):
         """What `show` fills with the obstacles of a view: areas, and lines."""
@@ -242,6 +198,17 @@ class PointPicture:
         axes.add_collection(areas, autolim=False)
         axes.add_collection(edges, autolim=False)
         return areas, edges
+
+    def _show_gravity(self):
+        """An arrow above the views in which gravity is inclined, as on a chute."""
+        pull = np.resize(np.asarray(self.results.configuration.get("gravity") or 0.0, float), 3)
+        for axes, view in zip(self.axes, self.views, strict=True):
+            down = pull[[view.across, view.up]]
+            if (down != 0.0).all():
+                turn = np.degrees(np.arctan2(down[1], down[0]))
+                axes.text(0.5, 1.02, "gravity ", transform=axes.transAxes, ha="right", color="0.3")
+                axes.text(0.52, 1.035, "\u279c", transform=axes.transAxes, rotation=turn, color="0.3", fontsize=14,
+                          ha="center", va="center", rotation_mode="anchor")  # fmt: skip
 
     def _prepare_water(self):
         """What `show` fills with the water table, in two dimensions, and with the level of free water; or None."""
@@ -288,25 +255,33 @@ class PointPicture:
         self.colour_bar.outline.set_visible(False)
 
 
-def names_of(results, field):
-    """Names of the materials, or bodies, that the numbers of a field stand for; none for other fields."""
-    scene = results.configuration
-    if field == "material":
-        return list(scene.get("materials", ()))
-    return [body["name"] for body in scene.get("bodies", ())] if field == "body" else []
-
-
 def faces_and_lines(obstacles):
-    """Flat faces, and open lines, of obstacles: corners (k, 3) m of each."""
+    """Flat faces, and lines, of obstacles: corners (k, 3) m of each. Lines without end go far beyond pictures."""
     faces, lines = [], []
     for _, kind, corners in obstacles:
         if kind == cells.HEXAHEDRON:
             faces += [corners[list(face)] for face in _FACES]
-        elif kind in (cells.LINE, cells.POLY_LINE):
-            lines.append(corners)
-        else:
+        elif kind not in (cells.LINE, cells.POLY_LINE):
             faces.append(corners)
+        elif (corners[0] != corners[-1]).any():
+            first, last = (corners[a] + _FAR * (corners[a] - corners[b]) for a, b in ((0, 1), (-1, -2)))
+            lines.append(np.concatenate([[first], corners, [last]]))
+        else:  # clockwise it encloses the obstacle, else the soil
+            x, y = corners[:, 0], corners[:, 1]
+            (faces if (x[:-1] * y[1:] - x[1:] * y[:-1]).sum() < 0.0 else lines).append(corners)
     return faces, lines
+
+
+def between(points, reach):
+    """Triangles (m, 3) between points (n, 2) m whose sides are at most `reach` m long: numbers of the points."""
+    from matplotlib.tri import Triangulation
+
+    try:
+        triangles = Triangulation(*points.T).triangles
+    except (RuntimeError, ValueError):  # fewer than three points, or all on one line
+        return np.empty((0, 3), int)
+    sides = points[triangles] - points[np.roll(triangles, 1, axis=1)]
+    return triangles[((sides**2).sum(axis=2) <= reach**2).all(axis=1)]
 
 
 def extent_of(results, outputs):

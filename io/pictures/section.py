@@ -7,15 +7,8 @@ import numpy as np
 
 from periporo.core.numerics.gravity import vertical_axis
 from periporo.io.output.results import ResultError, open_results
-from periporo.io.pictures.drawing import (
-    STYLE,
-    choose_field,
-    colour_limits,
-    colour_values,
-    faces_and_lines,
-    point_spacing,
-    require_matplotlib,
-)
+from periporo.io.pictures.colours import choose_field, colour_limits, colour_values
+from periporo.io.pictures.drawing import STYLE, faces_and_lines, point_spacing, require_matplotlib
 
 
 def cut(faces: list[np.ndarray], start: np.ndarray, normal: np.ndarray) -> np.ndarray:

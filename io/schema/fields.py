@@ -1,5 +1,6 @@
 """Parameters of laws that vary from place to place: the forms that they are given in, in place of a number."""
 
+import functools
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -91,8 +92,12 @@ class RandomField(SceneModel):
 
 ParameterField = DepthField | LevelField | RasterField | PointsField | RandomField
 
-_ADAPTER: TypeAdapter[Any] = TypeAdapter(Annotated[ParameterField, Field(discriminator="field")])
 _KINDS = (DepthField, LevelField, RasterField, PointsField, RandomField)
+
+
+@functools.cache  # made when asked for: few scenes have fields
+def _adapter() -> TypeAdapter[Any]:
+    return TypeAdapter(Annotated[ParameterField, Field(discriminator="field")])
 
 
 def is_field(value: Any) -> bool:
@@ -102,9 +107,9 @@ def is_field(value: Any) -> bool:
 
 def read_field(value: Any, folder: str | Path) -> ParameterField:
     """The field that a mapping describes; file names are relative to a `folder`. Raises pydantic's ValidationError."""
-    return value if isinstance(value, _KINDS) else _ADAPTER.validate_python(value, context={"folder": folder})
+    return value if isinstance(value, _KINDS) else _adapter().validate_python(value, context={"folder": folder})
 
 
 def field_schema() -> dict[str, Any]:
     """JSON Schema of all kinds of field."""
-    return _ADAPTER.json_schema()
+    return _adapter().json_schema()

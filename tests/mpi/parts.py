@@ -187,6 +187,55 @@ def check_ranks_share_pairs_and_not_points():
     sim.halo.close()
 
 
+class Counting(MPI.Intracomm):
+    """A communicator that counts what waits for all ranks."""
+
+    reductions = 0
+
+    def _count(self, name, *arguments):
+        self.reductions += 1
+        return getattr(super(), name)(*arguments)
+
+    def Allreduce(self, *arguments):
+        return self._count("Allreduce", *arguments)
+
+    def allreduce(self, *arguments):
+        return self._count("allreduce", *arguments)
+
+    def allgather(self, *arguments):
+        return self._count("allgather", *arguments)
+
+    def bcast(self, *arguments):
+        return self._count("bcast", *arguments)
+
+
+def check_a_step_sends_few_messages_and_reduces_once():
+    """Four to each neighbour, five where a law that flows exchanges stress; on an obstacle as in the air."""
+    d = 0.01
+    elastic = {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
+    sand = elastic | {"model": "drucker_prager", "cohesion": 0.0, "friction_angle": 30.0}
+    for law, messages in ((elastic, 4), (sand, 5)):
+        comm = Counting(COMM)
+        sim = Simulation.from_scene({
+            "dimension": 2, "spacing": d, "gravity": [0.0, -9.81], "materials": {"soil": law},
+            "bodies": [{"name": "column", "material": "soil",
+                        "shape": {"type": "box", "lower": [0.0, 0.0], "upper": [40 * d, 4 * d]}}],
+            "contacts": [{"type": "plane", "point": [0, 0], "normal": [0, 1], "friction": 0.5}],
+            "stages": [{"name": "stand", "type": "dynamics", "duration": 1.0}],
+        }, comm)  # fmt: skip
+        sim.start()
+        sim.step()
+        sim.time_step.fixed = sim.dt  # no look at the highest frequency, which is every 200 steps
+        rebuilds, reductions = sim.rebuild_count, comm.reductions
+        sim.halo.reset_counters()
+        for _ in range(5):
+            sim.step()
+        assert sim.rebuild_count == rebuilds
+        assert sim.halo.messages_sent == 5 * messages * len(sim.halo.sends)
+        assert comm.reductions - reductions == (0 if RANKS == 1 else 5)
+        sim.halo.close()
+
+
 def main():
     """All checks; prints their names."""
     for name, check in list(globals().items()):

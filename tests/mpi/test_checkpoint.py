@@ -188,6 +188,9 @@ def carried_on(launch, datasets, by_folder, tmp_path_factory):
     for name, said in by_folder(run.stdout).items():
         assert "resuming at t = " in said and "go on with: periporo scene.yaml" in said
         names = [path.name for path in checkpoints(folder / name)]
+        if name == "waiting_column":  # kept is the state in which an increment began
+            assert 1 <= len(names) <= len(steps) and max(names) <= f"scene.checkpoint-{steps[-1]:012d}.h5"
+            continue
         assert names == [f"scene.checkpoint-{step:012d}.h5" for step in steps]
     together = states()
     assert launch(1, "folders", "--no-plot", "--resume", folder=folder).returncode == 0

@@ -287,7 +287,7 @@ def test_plain_lines_show_energies_speed_rebuilds_and_imbalance(simulated):
 @pytest.mark.parametrize("ranks", [1, 2, 3, 4])
 def test_parts_of_the_core(simulated, ranks):
     names = simulated[1][ranks, "parts"].split()
-    assert len(names) == 9 and all(name.startswith("check_") for name in names)
+    assert len(names) == 10 and all(name.startswith("check_") for name in names)
 
 
 def test_a_fault_on_one_rank_ends_the_job_with_its_traceback(launch, tmp_path, scene_of):

@@ -469,6 +469,19 @@ def test_points_without_company_are_counted(call, scene, scene_of, word):
     assert "'block'" not in out + error
 
 
+@pytest.mark.parametrize("word", ["check", "run"])
+def test_units_of_water_that_seem_to_be_others_are_told_once(call, scene, word):
+    """A permeability as large as a conductivity, and rain in mm/h: said before the run, which goes on."""
+    water = {"suction": 0, "drainage": "flowing", "porosity": 0.4, "bulk_modulus": 1e7, "viscosity": 1e3}
+    rain = {"rain": {"where": {"body": "block"}, "water": {"rain": 20.0, "side": "y+"}}}
+    scene(pore_water=water | {"permeability": 1e-5}, boundaries=rain)
+    status, out, _ = call(word, "scene.yaml", *(["--no-plot"] if word == "run" else []))
+    said = " ".join(out.split())
+    assert status == 0
+    assert said.count("doubtful pore_water: a permeability" if word == "check" else "doubtful: pore_water: a perm") == 1
+    assert said.count("a rain of 20 m/s is more than ever fell") == 1
+
+
 def test_a_scene_of_dust_has_no_run_out(call, scene):
     dust = {"name": "dust", "material": "soil", "shape": {"type": "box", "lower": [-0.05, 0], "upper": [0.05, 0.01]}}
     status, out, _ = call(scene(bodies=[dust]), "--no-plot")

@@ -3,12 +3,25 @@
 import numpy as np
 import pytest
 
-from benchmarks import flow, flow_truths
+from benchmarks import aluminium_bars, flow, flow_truths
 from benchmarks.library.deposits import cells, covered_area, grown
 
 
 def test_a_layer_of_sand_slides_down_a_rough_slope_as_its_friction_lets_it():
     assert flow_truths.slope(8, duration=0.2) == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_layer_that_flows_down_an_endless_slope_keeps_its_volumes():
+    figures = flow_truths.endless(6, depths=2.0)
+    assert figures["way"] == pytest.approx(1.0, abs=0.15)
+    assert figures["area"] == pytest.approx(1.0, abs=0.03) and figures["volumes"] == pytest.approx(1.0, abs=0.01)
+    assert 0.9 < figures["1 %"] < figures["99 %"] < 1.1 and figures["scatter"] < 0.15
+
+
+def test_clay_that_is_pressed_flat_keeps_its_volumes():
+    figures = flow_truths.clay(8)
+    assert figures["area"] == pytest.approx(1.0, abs=0.08)
+    assert 0.97 < figures["1 %"] < figures["99 %"] < 1.03
 
 
 def test_a_dam_of_soil_without_friction_follows_ritter_and_keeps_its_area():
@@ -31,6 +44,14 @@ def test_a_slab_between_planes_of_symmetry_falls_as_in_plane_strain():
     plane, slab = (flow.collapse(flow.column(0.1, 10, 0.1, bulk=2.5e6, thick=n), 0.1, ())[1][0] for n in (0, 3))
     for name in ("area", "volumes", "run-out", "height"):
         assert slab[name] == pytest.approx(plane[name], rel=0.02), name
+
+
+def test_a_pile_of_bars_falls_nearly_as_measured():
+    """With 200 points; the table of docs/explanation/aluminium_bars.md has 800 and 3200."""
+    sim, moved = aluminium_bars.collapse(0.01)
+    figures = aluminium_bars.compare(sim.particles.position[: sim.particles.owned], moved, 0.01)
+    assert figures["surface"] < 0.01 and figures["failure line"] < 0.04
+    assert figures["front"] == pytest.approx(1.0, abs=0.1)
 
 
 def test_area_by_the_neighbours_of_a_lattice_is_that_of_an_affine_motion():

@@ -14,7 +14,7 @@ from periporo.core.loads.boundary import Motion
 from periporo.core.water.pore_water import DrainedWater
 
 from .common import BULK, DEFAULT, DENSITY, GRAVITY, SHEAR, Figure, box, owned, simulation
-from .footing import flowing
+from .footing import OTHERS, flowing
 
 HEIGHT = 2.0  # of the cut, m
 STABILITY = 3.776  # gamma H / c at which a vertical cut fails (limit analysis, Martin 2011)
@@ -123,7 +123,7 @@ def _bracket(name, found, exact, bounded=True):
     ]
 
 
-def vertical_cut(full=False, scheme="bond_projected"):
+def vertical_cut(full=False, scheme=DEFAULT):
     """V21: vertical cut in undrained clay, weight over strength gamma H / c at failure: 3.776."""
     figures = []
     for rows in (10, 20, 30) if full else (10,):
@@ -131,7 +131,7 @@ def vertical_cut(full=False, scheme="bond_projected"):
         found = bisect(partial(moves, make, 1e-4), 3.4, 4.6, 0.01 if full else 0.03)
         figures += _bracket(f"{rows} points high", found, STABILITY)
     if full:
-        for other, name in ((scheme, "dilatation: bond"), (DEFAULT, "point_state, sharpened")):
+        for name, other in OTHERS:
             found = bisect(partial(moves, partial(cut, rows=20, scheme=other), 1e-4), 3.4, 6.0, 0.01)
             figures += _bracket(f"20 points high, {name}", found, STABILITY, bounded=False)
     return figures

@@ -76,15 +76,16 @@ def _held(dimension, count, scheme, **keys):
     return sim, -owned(sim, "contact_force")[floor, 1].sum() / (count * SPACING) ** (dimension - 1)
 
 
-def _on_a_plane(count, scheme, **keys):
+def _on_a_plane(dimension, count, scheme, **keys):
     """A box of displaced points at rest on a smooth plane, between smooth walls, under traction from above."""
-    width = count * SPACING
+    width, inwards = count * SPACING, np.eye(dimension)
+    planes = [{"type": "plane", "point": [0.0] * dimension, "normal": normal, "friction": 0.0} for normal in inwards]
+    planes += [{"type": "plane", "point": width * normal, "normal": -normal, "friction": 0.0}
+               for axis, normal in enumerate(inwards) if axis != 1]  # fmt: skip
     sim = simulation(
-        SPACING, box([0.0, 0.0], [width, width]), scheme=scheme,
-        initial_stress={"type": "uniform", "components": {"xx": -STRESS, "yy": -STRESS}},
-        boundaries={"top": {"where": {"body": "body0"}, "traction": {"stress": [0.0, -STRESS], "side": "y+"}}},
-        contacts=[{"type": "plane", "point": point, "normal": normal, "friction": 0.0} for point, normal in
-                  (([0.0, 0.0], [0.0, 1.0]), ([0.0, 0.0], [1.0, 0.0]), ([width, 0.0], [-1.0, 0.0]))],
+        SPACING, box([0.0] * dimension, [width] * dimension), dimension=dimension, scheme=scheme, contacts=planes,
+        initial_stress={"type": "uniform", "components": {2 * a: -STRESS for a in AXES[:dimension]}},
+        boundaries={"top": {"where": {"body": "body0"}, "traction": {"stress": -STRESS * inwards[1], "side": "y+"}}},
         stages=[{"name": "settle", "type": "relax", "tolerance": 1e-5, "boundaries": ["top"]}], **keys,
     )  # fmt: skip
     sim.start()
@@ -108,16 +109,18 @@ def uniform_stress(full=False, scheme=DEFAULT):
 
 def displaced_points(full=False, scheme=DEFAULT):
     """V22: the same on a cloud of 10 % jitter in balance: on a plane, between walls, under traction from above."""
-    count = 96 if full else 48
-    sim = _on_a_plane(count, scheme, jitter=0.1)
-    cell = np.floor(owned(sim, "initial_position")[:, 1] / SPACING).astype(int)
-    stress = point_stress(sim)[:, 1] / -STRESS - 1.0
-    rows = [abs(stress[cell == row].mean()) for row in (0, 1, 2, 3, *range(count - 4, count))]
-    return [
-        Figure("worst of rows 1 to 4 on the plane", max(rows[:4]), at_most=0.02),
-        Figure("worst of rows 1 to 4 below the traction", max(rows[4:]), at_most=0.02),
-        Figure("scatter of points in these rows, relative", stress[(cell < 4) | (cell >= count - 4)].std()),
-    ]
+    figures = []
+    for dimension, count in {2: 96, 3: 24}.items() if full else {2: 48}.items():
+        sim = _on_a_plane(dimension, count, scheme, jitter=0.1)
+        cell = np.floor(owned(sim, "initial_position")[:, 1] / SPACING).astype(int)
+        stress = point_stress(sim)[:, 1] / -STRESS - 1.0
+        rows = [abs(stress[cell == row].mean()) for row in (0, 1, 2, 3, *range(count - 4, count))]
+        figures += [
+            Figure(f"{dimension}D, worst of rows 1 to 4 on the plane", max(rows[:4]), at_most=0.02),
+            Figure(f"{dimension}D, worst of rows 1 to 4 below the traction", max(rows[4:]), at_most=0.02),
+            Figure(f"{dimension}D, scatter of points in these rows", stress[(cell < 4) | (cell >= count - 4)].std()),
+        ]
+    return figures
 
 
 def resting_column(full=False, scheme=DEFAULT):
@@ -170,7 +173,7 @@ def strip_load(full=False, scheme=DEFAULT):
     ]
 
 
-def _pushed_down(points, scheme, settlement=0.01, wider=0.0):
+def pushed_down(points, scheme, settlement=0.01, wider=0.0, **keys):
     """Load, over c and its width, of a smooth box of 2 m and `wider` spacings on either side, at a `settlement`, m."""
     half_width, half_length, depth, speed = 1.0, 3.5, 2.0, 0.024
     spacing = 2.0 * half_width / points
@@ -183,7 +186,7 @@ def _pushed_down(points, scheme, settlement=0.01, wider=0.0):
         contacts=[{"type": "box", "lower": [-half_width, depth], "upper": [half_width, depth + 1.0], "friction": 0.0,
                    "velocity": [0.0, -speed]}],
         stages=[{"name": "push", "type": "dynamics", "duration": settlement / speed,
-                 "boundaries": ["base", "sides", "other side"]}],
+                 "boundaries": ["base", "sides", "other side"]}], **keys,
     )  # fmt: skip
     sim.start()
     record = Recorder(lambda s: -owned(s, "contact_force")[:, 1].sum() / (2.0 * half_width * COHESION), 10)
@@ -198,11 +201,11 @@ def pushed_footing(full=False, scheme=DEFAULT):
     limits = {16: 0.10, 24: 0.07, 48: 0.05}
     figures = []
     for points in (16, 24, 48) if full else (16,):
-        load = _pushed_down(points, scheme, 0.01 if full else 0.006)
+        load = pushed_down(points, scheme, 0.01 if full else 0.006)
         figures.append(Figure(f"{points} points under it (5.1416)", load))
         figures.append(Figure(f"{points} points, relative error", abs(load / EXACT - 1.0), at_most=limits[points]))
     for wider in (0.25, 0.5, 0.75) if full else ():
-        load = _pushed_down(16, scheme, wider=wider)
+        load = pushed_down(16, scheme, wider=wider)
         figures.append(
             Figure(f"{16 + 2 * wider:g} points under it, relative error", abs(load / EXACT - 1.0), at_most=0.1)
         )

@@ -339,10 +339,9 @@ def test_links_start_at_zero_and_last_through_rebuilds_and_checkpoints(make, tmp
     forces(sim)
     newborn = links.active & [key not in before for key in map(tuple, sim.bonds.pairs.ids.tolist())]
     assert newborn.any() and (links.stress[newborn] == 0.0).all()
-    sim.stages = [type("Stage", (), {"memory": dict, "contacts": [], "loads": []})()]
-    now = sim.step_number, state.memory(sim), state.tables(sim)
+    sim.stages = [type("Stage", (), {"memory": dict, "contacts": [], "loads": [], "begun_with": None})()]
     background = Background(sim.comm)
-    path = checkpoint.write(background, tmp_path / "run.h5", *now, "{}", keep=1)
+    path = checkpoint.write(background, tmp_path / "run.h5", *state.for_file(sim), "{}", keep=1)
     background.settle()
     background.close()
     _, kept = state.State.of_tables(*checkpoint.read(path, MPI.COMM_SELF, "{}")).rows

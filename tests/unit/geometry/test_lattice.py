@@ -233,6 +233,24 @@ def test_cells_that_cannot_be_used(tmp_path, cells, says):
         read_points(str(tmp_path / "m.vtu"), 3, cells=True)
 
 
+def test_cells_that_gmsh_lists_once_for_each_of_their_groups_count_once(tmp_path):
+    """Two squares of 1 x 1, dam and foundation, which are soil together: MSH 2.2 has each element in both groups."""
+    pytest.importorskip("meshio")
+    nodes = ["1 0 0 0", "2 1 0 0", "3 2 0 0", "4 0 1 0", "5 1 1 0", "6 2 1 0"]
+    dam, foundation = "1 2 5 4", "2 3 6 5"
+    tags = [(1, 1, dam), (3, 1, dam), (2, 2, foundation), (3, 2, "5 2 3 6")]  # the last one goes round from elsewhere
+    cells = [f"{k} 3 2 {group} {entity} {quad}" for k, (group, entity, quad) in enumerate(tags, 1)]
+    names = ['2 1 "dam"', '2 2 "foundation"', '2 3 "soil"']
+    parts = {"PhysicalNames": names, "Nodes": nodes, "Elements": cells}
+    text = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"
+    for part, lines in parts.items():
+        text += "\n".join([f"${part}", str(len(lines)), *lines, f"$End{part}\n"])
+    (tmp_path / "m.msh").write_text(text)
+    table = read_points(str(tmp_path / "m.msh"), 2)
+    assert table.positions == pytest.approx(np.array([[0.5, 0.5], [1.5, 0.5]]))
+    assert table.volumes == pytest.approx([1.0, 1.0])
+
+
 def test_points_without_volumes_stand_for_a_cell_each(tmp_path):
     (tmp_path / "p.csv").write_text("x,y,z\n0,0,0\n1,1,1\n")
     (lattice,) = build_lattices(scene({"type": "points", "file": "p.csv"}, folder=tmp_path, dimension=3))

@@ -72,17 +72,21 @@ def test_what_is_in_equilibrium_stays(scene_of, started):
 
 
 def test_where_equilibrium_is_lost_the_next_stage_goes_on(scene_of, started):
-    """A wall of silt that suction holds falls once rain has wetted it; motion begins at that time."""
+    """A wall of silt that suction holds falls once rain has wetted it; motion begins at that time.
+
+    Increments after which it does not stand are begun again, shorter, until the time is known to a thousandth.
+    """
     water = WATER | {"suction": 5e3, "conductivity": 1e-4, "bulk_modulus": 1e7,
                      "retention": {"van_genuchten": {"alpha": 0.3, "n": 2.0}}}  # fmt: skip
     boundaries = {"base": SIDES["base"], "rain": {"where": {"body": "block"}, "water": {"rain": 5e-5, "side": "y+"}}}
     fall = {"name": "fall", "type": "dynamics", "duration": 0.1, "boundaries": ["base", "rain"]}
-    scene = waiting(scene_of, boundaries, water, duration=1e5, law=SILT, counts=(10, 20), after=[fall],
+    scene = waiting(scene_of, boundaries, water, duration=1e5, law=SILT, counts=(8, 16), after=[fall],
                     initial_stress={"type": "geostatic", "K0": 0.5})  # fmt: skip
-    scene["stages"][0] |= {"accuracy": 0.1, "tolerance": 1e-2, "max_steps": 1000}
+    scene["stages"][0] |= {"accuracy": 0.1, "tolerance": 2e-2, "max_steps": 1000}
     sim = started(scene)
     sim.stages[0].run(sim)
     lost, sums = sim.time, flowing_water(sim).histories()
+    assert sim.stages[0].repeated > 1 and sim.stages[0].length < 1.01e-3 * lost
     assert sim.stages[0].lost and 60.0 < lost < 1e5
     assert abs(sums["water_balance"]) < 1e-12 * sums["water_stored"] and sums["water_inflow"] > 0.0
     sim.stage_number = 1

@@ -1,9 +1,10 @@
-"""The factor of safety of a block under its weight, and what the search leaves behind."""
+"""The factor of safety of a block under its weight, what the search leaves behind, and that it goes on when stopped."""
 
 import numpy as np
 import pytest
 
 from periporo import Simulation
+from periporo.core.watch.state import State, capture, for_file, install, resume
 from periporo.core.watch.strength import StabilityError
 from periporo.errors import InputError
 from periporo.materials.cam_clay import CamClay
@@ -55,6 +56,58 @@ def test_soil_that_does_not_stand_or_cannot_fall_is_told(monkeypatch):
     monkeypatch.delattr(CamClay, "weakened")
     with pytest.raises(InputError, match="does not say how its strength is reduced"):
         block(law=OTHER)
+
+
+class Stopped(Exception):
+    """Something killed the run."""
+
+
+def stopped(sim):
+    """Run it until it is 60 steps into its third trial; the tables of a checkpoint."""
+    trials = {}
+
+    def kill(sim):
+        stage = sim.stages[0]
+        trials.setdefault(stage.factor, sim.step_number)
+        if len(trials) == 3 and sim.step_number > trials[stage.factor] + 60:
+            raise Stopped
+
+    sim.call_every(1, kill)
+    with pytest.raises(Stopped):
+        sim.run()
+    return for_file(sim)
+
+
+def test_a_search_that_is_stopped_goes_on_from_the_beginning_of_its_trial_with_the_same_bits():
+    whole, parts = block(), block()
+    whole.run()
+    step, memory, tables = stopped(parts)
+    (points, *rows) = [columns for _, _, columns in tables]
+    assert step == memory["simulation"]["step_number"] < parts.step_number
+    assert memory["stage"]["falls"] == parts.stages[0].falls < np.inf
+    again = block()
+    resume(again, State.of_tables(points, rows, memory))
+    again.run(resumed=True)
+    assert again.stages[0].safety == whole.stages[0].safety and again.step_number == whole.step_number
+    assert np.array_equal(again.particles.position, whole.particles.position)
+    assert np.array_equal(again.particles.velocity, whole.particles.velocity)
+    assert again.bonds.blocks[0].material.cohesion == C
+
+
+def test_a_state_of_the_trial_before_has_the_strength_of_that_trial():
+    """As the watchdog takes a run back."""
+    sim, kept = block(), []
+
+    def keep(sim):
+        kept.append((sim.bonds.blocks[0].material.cohesion, capture(sim)))
+
+    sim.call_every(50, keep)
+    stopped(sim)
+    strength, state = kept[0]
+    assert strength == C > sim.bonds.blocks[0].material.cohesion
+    install(sim, state)
+    assert sim.stages[0]._is_over(sim) is False
+    assert sim.bonds.blocks[0].material.cohesion == strength
 
 
 def test_weaker_soil_has_less_of_both():

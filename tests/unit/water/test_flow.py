@@ -250,6 +250,9 @@ def test_what_flow_needs_is_said(scene_of, started, tmp_path):
         parse_scene(scene | {"pore_water": FLOWING | {"permeability": 1e-9}}, ".")
     with pytest.raises(InputError, match="would pull water of a bulk_modulus of 1000 Pa apart".replace(" ", r"\s+")):
         parse_scene(scene | {"pore_water": FLOWING | {"suction": 500, "bulk_modulus": 1e3}}, ".")
+    for porosity in (0, 1):
+        with pytest.raises(InputError, match=rf"than\s+0\s+and\s+less\s+than\s+1,\s+not\s+{porosity}"):
+            parse_scene(scene | {"pore_water": FLOWING | {"porosity": porosity}}, ".")
     named = next(iter(scene["materials"]))
     for own, place in (({"permeability": 1e-5}, r"pore_water\.permeability"),
                        ({"conductivity": 1e-3, "soils": {named: {"permeability": 1e-5}}}, r"soils\.\w+\.permeability")):
