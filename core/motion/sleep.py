@@ -19,6 +19,8 @@ every `LOOK_INTERVAL` steps, so that it depends neither on ranks nor on checkpoi
 import numpy as np
 
 from periporo.core.motion.rebuilds import rebuild
+from periporo.core.numerics import vectors
+from periporo.core.numerics.jit import kernel
 from periporo.core.numerics.tensors import square_lengths
 from periporo.core.points.neighbours import near
 from periporo.core.points.particles import Field
@@ -69,11 +71,12 @@ class Sleep:
         """
         if sim.step_number % LOOK_INTERVAL or not _allows(sim):
             return False
-        p, n = sim.particles, sim.particles.owned
-        slow = square_lengths(p.velocity[:n]) <= self.speed**2
-        p.quiet[:] = np.where(slow, p.quiet + 1, 0)
+        p, n, awake = sim.particles, sim.particles.owned, sim.particles.awake
+        slow = square_lengths(p.velocity[:awake]) <= self.speed**2
+        p.quiet[:awake] = np.where(slow, p.quiet[:awake] + 1, 0)
         fell = np.flatnonzero(p.asleep[:n] == 1)
-        p.held_load[fell], p.asleep[fell] = _loads(sim)[fell], 2
+        if len(fell):
+            p.held_load[fell], p.asleep[fell] = sum(load[fell] for load in _loads(sim)), 2
         wakes = self.share > 0.0 and bool((self._loud(sim) & ((p.guard != 0) | (p.asleep[:n] != 0))).any())
         if sim.step_number % (LOOK_INTERVAL * self._looks) == 0:
             tired = int((self._calm(sim) & (p.asleep[:n] == 0)).sum())
@@ -144,11 +147,12 @@ class Sleep:
 
     def _loud(self, sim) -> np.ndarray:
         """Which owned points wake others: they are fast, or moved from outside, or sleep no more under their load."""
-        p, n = sim.particles, sim.particles.owned
-        loud = ~(square_lengths(p.velocity[:n]) <= (_LOUD * self.speed) ** 2)  # NaN is loud
-        gained = np.sqrt(square_lengths(_loads(sim) - p.held_load)) * self.steps * sim.dt
-        pushed = (p.asleep[:n] == 2) & ~(gained <= _LOUD * self.speed * p.mass)
-        return loud | pushed | _moved_by_others(sim)
+        p, loud = sim.particles, np.empty(sim.particles.owned, np.bool_)
+        _find_loud(
+            p.awake, p.velocity, p.asleep, _loads(sim), p.held_load, p.mass, _LOUD * self.speed, self.steps * sim.dt,
+            loud, p.dim,
+        )  # fmt: skip
+        return loud | _moved_by_others(sim)
 
     def _around(self, sim, chosen, steps: int = 2) -> np.ndarray:
         """Which owned points are the `chosen` (owned,), or within `steps` of `_REACH` horizons of one; collective."""
@@ -166,10 +170,24 @@ def _allows(sim) -> bool:
     return bool(sim.stages) and sim.stages[sim.stage_number].sleeps
 
 
-def _loads(sim) -> np.ndarray:
-    """What loads and contacts exert on the owned points, (owned, d) N."""
-    p, names = sim.particles, [name for name in sim.forces.names if name not in ("internal", "damping", "inertia")]
-    return sum((getattr(p, f"{name}_force")[: p.owned] for name in names), np.zeros((p.owned, p.dimension)))
+def _loads(sim) -> tuple[np.ndarray, ...]:
+    """What loads and contacts exert on the points, arrays (total, d) N."""
+    names = [name for name in sim.forces.names if name not in ("internal", "damping", "inertia")]
+    return tuple(getattr(sim.particles, f"{name}_force") for name in names)
+
+
+@kernel
+def _find_loud(awake, velocity, asleep, loads, held, mass, speed, time, loud, dim):
+    """Points that are faster than `speed`, or would be in the `time` by what loads have changed; NaN is loud."""
+    for i in range(loud.shape[0]):
+        if i < awake:
+            v = vectors.row(velocity, i, dim)
+            loud[i] = not vectors.dot(v, v) <= speed * speed
+            continue
+        change = vectors.zero(dim) - vectors.row(held, i, dim)
+        for load in loads:
+            change += vectors.row(load, i, dim)
+        loud[i] = asleep[i] == 2 and not np.sqrt(vectors.dot(change, change)) * time <= speed * mass[i]
 
 
 def _moved_by_others(sim) -> np.ndarray:
