@@ -32,9 +32,12 @@ FAILURE_LINE = 1e-3 * np.array([
 """The measured lower edge of what moved, x and y in m."""
 
 
-def collapse(spacing: float) -> tuple[Simulation, np.ndarray]:
-    """The pile at rest, and the displacements (n, 2) m of its points; settling takes up tenths of a millimetre."""
-    sim = Simulation.from_scene(read_yaml(SCENE).data | {"spacing": spacing})
+def collapse(spacing: float, **keys) -> tuple[Simulation, np.ndarray]:
+    """The pile at rest, and the displacements (n, 2) m of its points; settling takes up tenths of a millimetre.
+
+    `keys` take the place of others in the input.
+    """
+    sim = Simulation.from_scene(read_yaml(SCENE).data | {"spacing": spacing} | keys)
     start = sim.particles.position[: sim.particles.owned].copy()
     sim.run()
     return sim, sim.particles.position[: sim.particles.owned] - start

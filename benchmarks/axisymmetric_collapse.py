@@ -3,10 +3,12 @@
     python -m benchmarks axisymmetric_collapse [--rings] [--points 42000] [--aspects 1 2] [--stiffer 1] [--slope M]
         [--folder DIR] [--figure FILE]
 
-A quarter of a cylinder, the soil that of configs/axisymmetric_collapse.yaml, is run between two smooth planes of
-symmetry, at heights of one and of two radii, with more than 40 000 points each (about an hour each), or with about as
-many as are given. With --rings it is that scene itself, with rings as large as those points: a minute. Run-out is that
-of 99 % of the soil that is bonded; "outermost" is that of the last point. Runs that are finished are not repeated,
+A quarter of a cylinder, the soil that of configs/axisymmetric_collapse.yaml, is run between two planes of symmetry, at
+heights of one and of two radii, with more than 40 000 points each (about an hour each), or with about as many as are
+given. With --rings it is that scene itself, with rings as large as those points: a minute. Run-out is that of 99 % of
+the soil that is bonded; "outermost" is that of the last point. "95 %" is the run-out of so much of all soil, and "cone"
+the height to which the cone of the inner soil reaches, which do not hang on single grains: by them rings and points are
+compared. Runs that are finished are not repeated,
 interrupted ones go on; --walltime stops one in time, to be called again. --stiffer multiplies the moduli, --slope is
 another M, --figure draws the deposits. Exit status 1 if a run-out is more than 25 % from the measured one, 3 if a run
 has not come to its end.
@@ -31,8 +33,9 @@ ASPECTS = (1.0, 2.0)  # height over radius
 TOLERANCE = 0.25
 UNFINISHED = 3  # exit status
 POINTS = 42_000  # about
-COLUMNS = ("a", "points", "run-out / R", "outermost", "Lube", "height / R", "Lube", "t, s", "K / peak", "free-flying",
-           "steps", "wall, s")  # fmt: skip
+COLUMNS = ("a", "points", "run-out / R", "outermost", "Lube", "95 %", "height / R", "Lube", "cone", "t, s", "K / peak",
+           "free-flying", "steps", "wall, s")  # fmt: skip
+INNER = 0.3  # radii: of the soil within this and twice this the height of the cone is found
 SCENE, RESULT = "cylinder.yaml", "cylinder.vtkhdf"
 
 
@@ -61,10 +64,9 @@ def _quarter(height: float, body: dict, floor: dict) -> dict:
     angle = np.linspace(0.0, 0.5 * np.pi, 19)
     arc = (RADIUS * np.stack([np.cos(angle), np.sin(angle)], axis=1)).tolist()
     shape = {"type": "polygon", "extrude": [0.0, height], "vertices": [[0.0, 0.0], *arc]}
-    smooth = [{"type": "plane", "point": [0, 0, 0], "normal": n, "friction": 0} for n in ([1, 0, 0], [0, 1, 0])]
     return {
         "dimension": 3, "axisymmetric": False, "gravity": [0.0, 0.0, -9.81], "bodies": [body | {"shape": shape}],
-        "contacts": [floor | {"point": [0, 0, 0], "normal": [0, 0, 1]}, *smooth],
+        "contacts": [floor | {"point": [0, 0, 0], "normal": [0, 0, 1]}], "symmetry": {"lower": [0.0, 0.0, None]},
     }  # fmt: skip
 
 
@@ -81,17 +83,18 @@ def measure(path: Path) -> dict[str, float]:
         half, points = 0.5 * float(r.configuration["spacing"]), len(position)
         rings = r.configuration["axisymmetric"]
         start = position[:, 0] - r.field("displacement")[:, 0]
+        aspect = (r.positions(0)[:, 1 if rings else 2].max() + half) / RADIUS
         kinetic, time, seconds = r.history("kinetic_energy"), r.times[-1], r.attributes["wall_time_s"]
         steps = int(r.history("step")[-1])
-    distance, height = (position[bonded, 0], 1) if rings else (np.hypot(*position[bonded, :2].T), 2)
-    order = np.argsort(distance)
-    share = np.cumsum(start[bonded][order] if rings else np.ones(len(order)))  # of the soil
-    front = distance[order][np.searchsorted(share, 0.99 * share[-1])]
+    distance, height = (position[:, 0], 1) if rings else (np.hypot(*position[:, :2].T), 2)
+    weight = start if rings else np.ones(points)
     return {
         "points": points,
-        "run-out": (front + half) / RADIUS - 1.0,
-        "outermost": (distance.max() + half) / RADIUS - 1.0,
+        "run-out": (_within(distance[bonded], weight[bonded], 0.99) + half) / RADIUS - 1.0,
+        "outermost": (distance[bonded].max() + half) / RADIUS - 1.0,
+        "run-out of 95 %": _within(distance, weight, 0.95) / RADIUS - 1.0,
         "height": (position[bonded, height].max() + half) / RADIUS,
+        "cone": _cone(distance / RADIUS, weight * aspect / weight.sum()),
         "time": time,
         "kinetic": kinetic[-1] / kinetic.max(),
         "free-flying": int((~bonded).sum()),
@@ -100,10 +103,27 @@ def measure(path: Path) -> dict[str, float]:
     }
 
 
+def _within(distance, weight, share):
+    """Distance within which this share of the soil lies."""
+    order = np.argsort(distance)
+    sums = np.cumsum(weight[order])
+    return distance[order][np.searchsorted(sums, share * sums[-1])]
+
+
+def _cone(distance, volume):
+    """Height of the cone to which the inner soil is heaped up, over R; from `volume`s over pi R^3.
+
+    With weights 1 - (r/a)^2 the mean height of a cone is that of its tip less 8/15 a times its slope.
+    """
+    means = [2.0 / a**2 * (volume * np.maximum(1.0 - (distance / a) ** 2, 0.0)).sum() for a in (INNER, 2.0 * INNER)]
+    return 2.0 * means[0] - means[1]
+
+
 def line(aspect: float, m: dict[str, float]) -> str:
     """Row of the table for what `measure` returns."""
     run_out, height = float(lube_axisymmetric_run_out(aspect)), float(lube_axisymmetric_height(aspect))
-    lengths = [f"{x:.2f}" for x in (m["run-out"], m["outermost"], run_out, m["height"], height)]
+    across, up = (m["run-out"], m["outermost"], run_out, m["run-out of 95 %"]), (m["height"], height, m["cone"])
+    lengths = [f"{x:.2f}" for x in (*across, *up)]
     end = [f"{m['time']:.3f}", f"{m['kinetic']:.1e}", f"{m['free-flying']}", f"{m['steps']}", f"{m['seconds']:.0f}"]
     return "| " + " | ".join([f"{aspect:g}", f"{m['points']}", *lengths, *end]) + " |"
 

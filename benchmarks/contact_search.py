@@ -2,9 +2,10 @@
 
     python -m benchmarks contact_search [--boxes 400] [--triangles 1000000] [--points 100000] [--steps 100]
 
-A flowing sheet of soil over a floor, in which boxes stand that it may meet, and a block of soil on a ground in space,
-of triangles and of as many heights: shares of the processor time of steps that contacts take, rebuilds and time steps
-included, from runs with and without them, in turns: medians. Reading and preparing the triangles is timed, too.
+A flowing sheet of soil over a floor, in which boxes stand that it may meet, without names and with, and a block of soil
+on a ground in space, of triangles and of as many heights: shares of the processor time of steps that contacts take,
+rebuilds and time steps included, from runs with and without them, in turns: medians. Reading and preparing the
+triangles is timed, too.
 """
 
 import tempfile
@@ -24,12 +25,15 @@ SOIL = {"model": "drucker_prager", "density": 1800.0, "bulk_modulus": 25e6, "she
 _TURN = 20  # steps, in which neighbours are found anew once or twice
 
 
-def sheet(points: int, boxes: int):
-    """A plane sheet ten times as long as high slides over a floor; boxes stand above and before it."""
+def sheet(points: int, boxes: int, named: bool = False):
+    """A plane sheet ten times as long as high slides over a floor; boxes stand above and before it, or tell forces."""
     spacing = 1.0 / np.sqrt(points / 10.0)
     x = np.linspace(0.1, 9.9, boxes // 2) if boxes else []
     stands = [[a, 1.2] for a in x] + [[10.3 + 0.05 * k, 0.3] for k in range(boxes // 2)]
-    blocks = [{"type": "box", "lower": [a, b], "upper": [a + 0.02, b + 0.02], "friction": 0.3} for a, b in stands]
+    blocks: list[dict] = [{"type": "box", "lower": [a, b], "upper": [a + 0.02, b + 0.02], "friction": 0.3}
+                          for a, b in stands]  # fmt: skip
+    if named:
+        blocks = [block | {"name": f"box_{k}"} for k, block in enumerate(blocks)]
     return scene(2, spacing, [0, 0], [10, 1], [floor(2), *blocks], [1.0, 0.0])
 
 
@@ -117,8 +121,11 @@ def main(words=None):
     arguments = parser.parse_args(words)
     points, steps = arguments.points, arguments.steps
     if arguments.boxes:
-        (plain, _), (full, _) = started(sheet(points, 0)), started(sheet(points, arguments.boxes))
-        print(f"{arguments.boxes} boxes: {share(plain, full, steps):.1f} % of a step of {plain.particles.owned} points")
+        plain, _ = started(sheet(points, 0))
+        for named, kind in ((False, "boxes"), (True, "boxes with names")):
+            full, _ = started(sheet(points, arguments.boxes, named))
+            part = share(plain, full, steps)
+            print(f"{arguments.boxes} {kind}: {part:.1f} % of a step of {plain.particles.owned} points")
     if not arguments.triangles:
         return
     plain, without = started(slab(points, floor(3)))

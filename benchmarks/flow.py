@@ -6,6 +6,7 @@
     python -m benchmarks flow --rows 20 --heights 0.1 --turned 30 --at 500000 4000000
     python -m benchmarks flow --rows 20 40 80 --heights 0.1 --bulk 2.5e6 --figure docs/figures/flow.png
     python -m benchmarks flow --rows 20 --heights 0.1 --bulk 2.5e6 --thick 4  # in space
+    python -m benchmarks flow --rows 20 40 80 --heights 0.2 --bulk 2.5e6 --energies
 
 A column of `--heights` (m) and a width of .1 m of isochoric, cohesionless Drucker-Prager sand (`--phi` 30 degrees)
 collapses on a rough floor. A row is one output: area that the connected deposit covers over its first (a filled
@@ -19,7 +20,8 @@ the side.
 Run-out is how far beyond the column the cells of 99 % of all its soil reach, over the half-width, and height is the top
 of the cells of 99 % of the connected soil. *core* is the area over the first of soil that has sheared by .1 to .5, told
 by the lattice's neighbours. Loose grains at the front are soil, too: a coarse front comes apart into
-more of them. *internal* is the least internal energy so far over the potential energy of the column.
+more of them. *internal* is the least internal energy so far over the potential energy of the column. With `--energies`
+a row is what motion has, and what viscosity, exchange, rearrangement and friction on the floor have taken, over that.
 """
 
 import json
@@ -43,6 +45,9 @@ _HEAD = (
     "| H, m | H/dx | seed | t, s | steps | area | inside | core | volumes | 1 % | 99 % | flow | rest | run-out "
     "| height | loose | internal |"
 )
+_ENERGIES = (
+    "kinetic_energy", "viscous_dissipation", "exchange_dissipation", "rearrangement_work", "friction_dissipation",
+)  # fmt: skip
 
 
 def column(
@@ -149,7 +154,8 @@ def collapse(scene: dict, height: float, times, seed: int = 0, rotation=_UPRIGHT
     fallen = 0.5 * DENSITY * 9.81 * height * p.volume[: p.owned].sum()
 
     def note():
-        found.append(measure(sim, height, rotation, place) | {"least internal energy": least[0] / fallen})
+        energies = {name: energy / fallen for name, energy in sim.ledger.entries().items()}
+        found.append(energies | measure(sim, height, rotation, place) | {"least internal energy": least[0] / fallen})
 
     def look(sim):
         least[0] = min(least[0], sim.ledger.rough_entries()["internal_energy"])
@@ -173,6 +179,12 @@ def row(height: float, rows: int, seed: int, figures: dict) -> str:
     )  # fmt: skip
     head = f"| {height:g} | {rows} | {seed} | {f['time']:.2f} | {f['steps']} |"
     return f"{head} {numbers} | {f['loose']} | {f['least internal energy']:.1e} |"
+
+
+def energies(height: float, rows: int, seed: int, figures: dict) -> str:
+    """A line of the table of energies."""
+    numbers = " | ".join(f"{figures.get(name, 0.0):.4f}" for name in _ENERGIES)  # some schemes have not all of them
+    return f"| {height:g} | {rows} | {seed} | {figures['time']:.2f} | {numbers} |"
 
 
 def draw(path: Path, deposits) -> None:
@@ -207,6 +219,7 @@ def main(words=None) -> None:
     options.add_argument("--thick", type=int, default=0, help="points across a slab in space; default: plane strain")
     options.add_argument("--scheme", type=json.loads, help="correspondence, as JSON; by default the program's")
     options.add_argument("--duration", type=float, default=0.6, help="s")
+    options.add_argument("--energies", action="store_true", help="a table of energies")
     options.add_argument("--figure", type=Path, help="draw the deposits")
     chosen = options.parse_args(words)
     turn = math.radians(chosen.turned)
@@ -215,16 +228,19 @@ def main(words=None) -> None:
         options.error("--thick goes with neither --turned nor --at")
     law = {"friction_angle": chosen.phi, "dilation_angle": chosen.psi, "largest_dilation": chosen.largest_dilation}
     deposits = []
-    print(_HEAD + "\n" + "|---" * (_HEAD.count("|") - 1) + "|", flush=True)
+    head, line, times = _HEAD, row, (0.1, 0.2, 0.3)
+    if chosen.energies:
+        head, line, times = f"| H, m | H/dx | seed | t, s | {' | '.join(_ENERGIES)} |", energies, (0.1, 0.15, 0.2, 0.3)
+    print(head + "\n" + "|---" * (head.count("|") - 1) + "|", flush=True)
     for height in chosen.heights:
         for rows in chosen.rows:
             for seed in chosen.seeds:
                 scene = column(
                     height, rows, chosen.duration, bulk=chosen.bulk, thick=chosen.thick, scheme=chosen.scheme, **law
                 )
-                sim, found = collapse(scene, height, (0.1, 0.2, 0.3), seed, rotation, chosen.at)
+                sim, found = collapse(scene, height, times, seed, rotation, chosen.at)
                 deposits.append((f"H/dx = {rows}", seen(sim, rotation, chosen.at), sim.spacing))
                 for figures in found:
-                    print(row(height, rows, seed, figures), flush=True)
+                    print(line(height, rows, seed, figures), flush=True)
     if chosen.figure:
         draw(chosen.figure, deposits)

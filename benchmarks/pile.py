@@ -10,8 +10,8 @@ about depths over the radius. At the surface the factor is 5.69 for a smooth bas
 With --sharp the edge of the base is not round: a ring of points that passes it is carried by the base until its middle
 has passed, so that the base acts as if it were half a spacing wider.
 
-With --cone a smooth cone of 60 degrees goes 8 radii deep, in clay 14 radii wide and deep; far below the surface theory
-gives (1.67 + G/s_u/1500) (1 + ln(G/s_u)), 9.73 here (Teh & Houlsby 1991).
+With --cone a smooth cone of 60 degrees goes 13 radii deep, in clay 24 radii wide and deep; means are over a radius of
+the way. Far below the surface theory gives (1.67 + G/s_u/1500) (1 + ln(G/s_u)), 9.73 here (Teh & Houlsby 1991).
 """
 
 import importlib.resources
@@ -25,7 +25,7 @@ from . import option_parser
 
 SURFACE, DEEP_CONE = 5.69, 9.73
 DEPTHS = (0.1, 0.2, 0.3, 0.6, 0.9)  # over the radius
-CONE_DEPTHS = (3.0, 4.0, 5.0, 6.0, 7.0, 7.9)
+CONE_DEPTHS = (2.0, 4.0, 6.0, 8.0, 10.0, 12.0)
 SPEED, RAMP = 0.15, 0.2  # m/s; s, in which the scene gets up to it
 
 
@@ -51,13 +51,13 @@ def push(points: int, deepest: float = 1.0, sharp: bool = False) -> np.ndarray:
     return _factors(_prepared(scene, points, radius, deepest, clay=5.0), radius, wide)
 
 
-def push_cone(points: int, deepest: float = 8.0) -> np.ndarray:
-    """The same of a cone of 60 degrees, with the radius of the pile."""
+def push_cone(points: int, deepest: float = 13.0, clay: float = 24.0) -> np.ndarray:
+    """The same of a cone of 60 degrees, with the radius of the pile, in clay so many radii wide and deep."""
     scene, radius = _scene(), 0.3
-    scene["contacts"][1] |= {"type": "wedge", "tip": [0, 0], "width": 2.0 * radius, "angle": 60.0, "length": 3.0}
+    scene["contacts"][1] |= {"type": "wedge", "tip": [0, 0], "width": 2.0 * radius, "angle": 60.0, "length": 6.0}
     del scene["contacts"][1]["vertices"]
     scene["contacts"][1]["velocity"]["y"]["values"] = [0.0, -2.0 * SPEED]
-    return _factors(_prepared(scene, points, radius, 0.5 * deepest, clay=14.0), radius, lambda depth: radius)
+    return _factors(_prepared(scene, points, radius, 0.5 * deepest, clay), radius, lambda depth: radius)
 
 
 def _scene() -> dict:
@@ -93,9 +93,9 @@ def _factors(scene, radius, wide):
     return np.column_stack([depth / radius, (force - weight) / (base * float(clay["cohesion"]))])
 
 
-def factors(history: np.ndarray, points: int, depths=DEPTHS) -> list[float]:
-    """Mean factors about the `depths`."""
-    near = [np.abs(history[:, 0] - depth) < 0.5 / points / 3.0 for depth in depths]
+def factors(history: np.ndarray, depths, width: float) -> list[float]:
+    """Mean factors over a `width` about the `depths`, all over the radius."""
+    near = [np.abs(history[:, 0] - depth) < 0.5 * width for depth in depths]
     return [float(history[rows, 1].mean()) for rows in near]
 
 
@@ -111,6 +111,8 @@ def main(words=None):
     if not arguments.cone:
         print("| Skempton | " + " | ".join(f"{n:.2f}" for n in skempton(depths)) + " |")
     for points in arguments.points:
-        history = push_cone(points) if arguments.cone else push(points, sharp=arguments.sharp)
-        print(f"| {points} points | " + " | ".join(f"{n:.2f}" for n in factors(history, points, depths)) + " |",
-              flush=True)  # fmt: skip
+        if arguments.cone:
+            found = factors(push_cone(points), depths, 1.0)
+        else:
+            found = factors(push(points, sharp=arguments.sharp), depths, 1.0 / points / 3.0)
+        print(f"| {points} points | " + " | ".join(f"{n:.2f}" for n in found) + " |", flush=True)

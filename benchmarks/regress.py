@@ -1,4 +1,4 @@
-"""What became slower or faster between two commits: a dozen kernels and three short scenes, measured in turns.
+"""What became slower or faster between two commits: a dozen kernels and five short scenes, measured in turns.
 
     python -m benchmarks regress e5fa1bd            # the files as they are, against a commit
     python -m benchmarks regress e5fa1bd main       # one commit against another

@@ -27,7 +27,8 @@ FLOPS = {
 
 
 @njit(fastmath={"contract"})
-def _multiply_add(x, a, b, rounds):
+def multiply_add(x, a, b, rounds):
+    """Multiply-adds on an array (n,) that stays in registers and the first cache."""
     for _ in range(rounds):
         for k in range(x.shape[0]):  # the eight multiply-adds of an element wait for each other, elements do not
             y = (((x[k] * a + b) * a + b) * a + b) * a + b
@@ -35,7 +36,8 @@ def _multiply_add(x, a, b, rounds):
 
 
 @njit(fastmath=True)
-def _triad(a, b, c, rounds):
+def triad(a, b, c, rounds):
+    """a = b + c / 2, which streams three arrays (n,)."""
     for _ in range(rounds):
         for k in range(a.shape[0]):
             a[k] = b[k] + 0.5 * c[k]
@@ -55,11 +57,11 @@ def quickest(function, repeats: int = 7) -> float:
 def machine() -> tuple[float, float, float]:
     """Flops per second; bytes per second from the second cache and from main memory."""
     x = np.ones(2048)
-    flops = 2 * 8 * 1000 * len(x) / quickest(lambda: _multiply_add(x, 0.999, 0.001, 1000))
+    flops = 2 * 8 * 1000 * len(x) / quickest(lambda: multiply_add(x, 0.999, 0.001, 1000))
     rates = []
     for size, rounds in ((20_000, 400), (8_000_000, 1)):
         a, b, c = np.zeros(size), np.ones(size), np.ones(size)
-        rates.append(32 * size * rounds / quickest(lambda a=a, b=b, c=c, rounds=rounds: _triad(a, b, c, rounds)))
+        rates.append(32 * size * rounds / quickest(lambda a=a, b=b, c=c, rounds=rounds: triad(a, b, c, rounds)))
     return flops, *rates
 
 

@@ -5,11 +5,13 @@
     mpirun -n 4 python -m benchmarks scaling collapse                      # balance while a column spreads fivefold
     mpirun -n 2 python -m benchmarks scaling speedup --side 200            # 40 000 points in the plane, 1 and 2 ranks
     mpirun -n 2 python -m benchmarks scaling speedup --side 40 --dimension 3   # 64 000 points in space
+    mpirun -n 2 python -m benchmarks scaling speedup --scene configs/column_collapse.yaml --after 4000   # in its fall
     mpirun -n 2 python -m benchmarks scaling parts --side 200              # where the time of a step goes
+    mpirun -n 2 python -m benchmarks scaling machine                       # what two cores have in common
     python -m benchmarks scaling memory --side 2000                        # 4 million points: set up and step
 
-Only `speedup` and `parts` measure time, and mean something with a core for each rank. The rest is counted, so that
-ranks may share cores. `sweep` starts `count` by mpirun, which takes the same words.
+Only `speedup`, `parts` and `machine` measure time, and mean something with a core for each rank. The rest is counted,
+so that ranks may share cores. `sweep` starts `count` by mpirun, which takes the same words.
 """
 
 import json
@@ -19,12 +21,14 @@ import time
 import numpy as np
 from mpi4py import MPI
 
+from periporo import Simulation
 from periporo.core.scene.build import build
 from periporo.core.scene.check import state_bytes
 from periporo.io.input.load import parse_scene
 
 from . import option_parser
 from .library.ranks import start
+from .roofline import multiply_add, triad
 
 COMM = MPI.COMM_WORLD
 ELASTIC = {"model": "elastic", "density": 1760.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
@@ -166,10 +170,9 @@ def speedup(arguments):
 
     Machines slow down and recover within seconds, so every round has all three, and ratios are those of a round.
     """
-    counts = arguments.counts or [arguments.side] * arguments.dimension
-    shared, alone = block(counts), block(counts, comm=MPI.COMM_SELF)
+    shared, alone = (_begun(arguments, comm) for comm in (COMM, MPI.COMM_SELF))
     for sim in (shared, alone):
-        timed(sim, 5)
+        timed(sim, arguments.after)
     figures = []
     for _ in range(arguments.rounds):
         single = timed(alone, arguments.steps) if COMM.rank == 0 else 0.0
@@ -184,10 +187,56 @@ def speedup(arguments):
         single, together, divided = figures.T
         print("per round, ms per step alone / alone on every rank at once / divided among the ranks: "
               + ", ".join(" / ".join(f"{t * 1e3:.2f}" for t in row) for row in figures))  # fmt: skip
-        print(f"{np.prod(counts):,} points in {len(counts)}D: {COMM.size} ranks are {np.median(single / divided):.2f} "
+        p = alone.particles
+        print(f"{p.owned:,} points in {p.dimension}D: {COMM.size} ranks are {np.median(single / divided):.2f} "
               f"times as fast as one (rounds {(single / divided).min():.2f} to {(single / divided).max():.2f}), by "
               f"the quickest tenth of the rounds {np.divide(*np.quantile(figures[:, [0, 2]], 0.1, axis=0)):.2f}; "
               f"without the memory they share {np.median(together / divided):.2f}", flush=True)  # fmt: skip
+
+
+def _begun(arguments, comm):
+    """The simulation of a scene file, or a block."""
+    if arguments.scene is None:
+        return block(arguments.counts or [arguments.side] * arguments.dimension, comm=comm)
+    sim = Simulation.from_scene(arguments.scene, comm)
+    sim.start()
+    return sim
+
+
+def machine(arguments):
+    """How much slower each rank is when all work at once, each for itself: in registers, caches, memory; and in steps.
+
+    What slows work in registers is no memory: cores that are halves of one, or a clock that falls.
+    """
+    x, wide = np.ones(2048), [np.ones(8_000_000) for _ in range(3)]
+    near = [array[:20_000].copy() for array in wide]
+    small = block([20, 20], comm=MPI.COMM_SELF)
+    large = block([arguments.side] * arguments.dimension, comm=MPI.COMM_SELF)
+    loads = {
+        "multiply-adds in registers": lambda: multiply_add(x, 0.999, 0.001, 1000),
+        "sums in the second cache": lambda: triad(*near, 400), "sums in memory": lambda: triad(*wide, 1),
+        "steps of 400 points": lambda: timed(small, 40),
+        f"steps of {large.particles.owned:,} points": lambda: timed(large, arguments.steps),
+    }  # fmt: skip
+    for name, load in loads.items():
+        load()
+        figures = []
+        for _ in range(arguments.rounds):
+            began = time.perf_counter()
+            if COMM.rank == 0:
+                load()
+            single = time.perf_counter() - began
+            sleep_until_all_arrive()
+            COMM.Barrier()
+            began = time.perf_counter()
+            load()
+            figures.append((single, time.perf_counter() - began))
+            COMM.Barrier()
+        figures = np.array(COMM.bcast(figures))
+        if COMM.rank == 0:
+            single, together = figures.T
+            print(f"{name}: {np.median(together / single):.2f} times as long on {COMM.size} ranks at once (rounds "
+                  f"{(together / single).min():.2f} to {(together / single).max():.2f})", flush=True)  # fmt: skip
 
 
 def timed(sim, steps):
@@ -246,7 +295,7 @@ def peak():
 
 
 ACTIONS = {"count": count, "sweep": sweep, "collapse": collapse, "speedup": speedup, "parts": parts,
-           "memory": memory}  # fmt: skip
+           "machine": machine, "memory": memory}  # fmt: skip
 
 
 def main(words=None):
@@ -255,10 +304,12 @@ def main(words=None):
     parser.add_argument("--dimension", type=int, default=2, choices=(2, 3))
     parser.add_argument("--side", type=int, default=100, help="points along each axis")
     parser.add_argument("--counts", type=int, nargs="+", help="points along each axis, in place of --side")
+    parser.add_argument("--scene", help="of speedup, a file, in place of a block")
+    parser.add_argument("--after", type=int, default=5, help="steps before the time of speedup is taken")
     parser.add_argument("--points", type=int, default=1600, help="of sweep")
     parser.add_argument("--weak", action="store_true", help="sweep with --points on each rank")
     parser.add_argument("--ranks", type=int, nargs="+", default=RANKS, help="of sweep, powers of two")
     parser.add_argument("--steps", type=int, default=100)
-    parser.add_argument("--rounds", type=int, default=9, help="of speedup")
+    parser.add_argument("--rounds", type=int, default=9, help="of speedup and machine")
     arguments = parser.parse_args(words)
     ACTIONS[arguments.what](arguments)

@@ -2,13 +2,14 @@
 
     python -m benchmarks sleep                                        # the gallery's column, one draw
     python -m benchmarks sleep --scene slide --speeds 1e-3 1e-2 --seeds 0 1 2
+    python -m benchmarks sleep --scene slide --speeds 1e-2 --spacing 2.5e-3 --until 0.04   # its begin, with many points
 
 `column` is `column_collapse` of the gallery. In `slide` a column of dry sand beside a wall collapses on a bed of firm
 soil, of which nine tenths stay at rest, against a second wall. Each row is a run: the bound `speed` (0: nobody sleeps),
 the seed, processor time of the stage over that of the same seed without sleep, steps, the time at its end, mean share
 of points asleep, run-out and height, kinetic energy set aside over the energy turned over, and for `slide` the impulse
-and the largest force on the far wall. A seed other than 0 shakes the lattice by 1e-9 m: what it changes is the scatter
-of a flow.
+and the largest force on the far wall, and the mean force on the plane behind column and bed. A seed other than 0 shakes
+the lattice by 1e-9 m: what it changes is the scatter of a flow.
 """
 
 import time
@@ -25,10 +26,10 @@ SOIL = {
     "model": "drucker_prager", "density": 1800.0, "bulk_modulus": 25e6, "shear_modulus": 15e6, "cohesion": 0.0,
     "friction_angle": 30.0, "dilation_angle": 0.0,
 }  # fmt: skip
-BED, WALL = 0.1, 0.2  # m: depth of the bed, and place of the far wall
+BED, WALL = 0.1, 0.14  # m: depth of the bed, and place of the far wall
 _HEAD = (
     "| speed, m/s | seed | time | steps | end, s | asleep | run-out, m | height, m | set aside | impulse, N s "
-    "| force, N |"
+    "| force, N | behind, N |"
 )
 
 
@@ -65,7 +66,7 @@ class Watch:
     """Sums of what happens in the last stage."""
 
     def __init__(self):
-        self.asleep = self.impulse = self.force = self.began = self.last = 0.0
+        self.asleep = self.impulse = self.force = self.behind = self.began = self.last = 0.0
         self.steps = 0
 
     def look(self, sim) -> None:
@@ -79,6 +80,7 @@ class Watch:
         near = p.position[:n, 0] > WALL - 0.05
         push = -float(p.contact_force[:n][near & (p.position[:n, 1] > BED), 0].sum())
         self.impulse += push * (sim.time - self.last)
+        self.behind += float(p.contact_force[:n][p.position[:n, 0] < sim.spacing, 0].sum()) * (sim.time - self.last)
         self.force, self.last = max(self.force, push), sim.time
 
 
@@ -99,6 +101,7 @@ def main(words=None) -> None:
     options.add_argument("--scene", choices=SCENES, default="column")
     options.add_argument("--speeds", type=float, nargs="+", default=[1e-3, 3e-3, 1e-2, 3e-2], help="m/s")
     options.add_argument("--spacing", type=float, nargs=1, default=[], help="m (default: 2.5e-3 and 5e-3)")
+    options.add_argument("--until", type=float, default=None, help="s, of the last stage (default: all of it)")
     options.add_argument("--seeds", type=int, nargs="+", default=[0])
     chosen = options.parse_args(words)
     print(_HEAD + "\n" + "|---" * (_HEAD.count("|") - 1) + "|", flush=True)
@@ -109,6 +112,7 @@ def main(words=None) -> None:
         whole = 0.0
         for speed in (0.0, *chosen.speeds):
             scene = SCENES[chosen.scene](*chosen.spacing) | ({"sleep": {"speed": speed}} if speed else {})
+            scene["stages"][-1] |= {"duration": chosen.until} if chosen.until else {}
             watch, seconds, sim = run(scene, seed)
             whole = whole or seconds
             p, n, entries = sim.particles, sim.particles.owned, sim.ledger.entries()
@@ -118,5 +122,6 @@ def main(words=None) -> None:
                 f"| {speed:g} | {seed} | {seconds / whole:.3f} | {watch.steps} | {sim.time:.3f} "
                 f"| {watch.asleep / watch.steps:.2f} "
                 f"| {np.quantile(np.abs(moved[:, 0]), 0.99):.4f} | {np.quantile(moved[:, 1], 0.99):.4f} "
-                f"| {set_aside:.1e} | {watch.impulse:.4f} | {watch.force:.1f} |", flush=True,
+                f"| {set_aside:.1e} | {watch.impulse:.4f} | {watch.force:.1f} "
+                f"| {watch.behind / sim.time:.2f} |", flush=True,
             )  # fmt: skip

@@ -80,7 +80,12 @@ class Reaction:
     def vanish(self) -> None:
         """Bear nothing: the obstacle is not there."""
         self.loads[:], self.power = 0.0, 0.0
-        self.rows, self._points = self.rows[:0], self._points[:0]
+        self.leave()
+
+    def leave(self) -> None:
+        """No point of this rank is near."""
+        if len(self.rows):
+            self.rows, self._points = self.rows[:0], self._points[:0]
 
     @property
     def derived(self) -> dict:

@@ -67,7 +67,7 @@ class RigidContact(Obstacle):
         self._search = Search() if search is None else search
         self.spring, self.cell = f"contact_spring_{name}", f"contact_cell_{name}"
         self._chosen: tuple = None, None, 0.0, None  # point ids, pose, m around it with all points, rows near it
-        self._idle: np.ndarray | None = None  # point ids for which nothing is near it, and nothing is told
+        self._idle: np.ndarray | None = None  # point ids for which nothing is near it
         self._soon: tuple = np.empty(0, np.int64), np.empty(0), np.empty((0, 0))  # rows held, or soon; gaps, normals
         self.closing = 0.0  # m/s, with which a point that it holds, or may soon, came near when the step was chosen
         self._seen: tuple = (None,) * 5  # rows, pose, places, gaps and normals of the last forces
@@ -152,6 +152,8 @@ class RigidContact(Obstacle):
     def add_force(self, p: Particles, time: float, dt: float) -> None:
         """Add normal and friction force; velocities are those of the middle of the step."""
         if self._idle is p.id:
+            if self.reaction is not None:
+                self.reaction.leave()
             return
         self.advance(time, dt)
         before = self.pose_before
@@ -243,6 +245,10 @@ class RigidContact(Obstacle):
             return self._friction.at(place if self.pose is None else self.pose.entered(place))
         return self._friction
 
+    def is_idle(self, p: Particles) -> bool:
+        """Whether it touches no point of this rank until neighbours are found anew."""
+        return self._idle is p.id
+
     def within_reach(self, p: Particles) -> np.ndarray:
         """Owned rows of the points that it may touch soon."""
         return self._near(p, self.pose)
@@ -278,7 +284,7 @@ class RigidContact(Obstacle):
             self._note_breach(x[near], gap[near], _LOST * self.reach)
         radius = 0.0 if pose is None else largest_length(p.reference_position[: p.owned] - pose.reference)
         self._chosen = p.id, pose, radius, rows
-        self._idle = p.id if pose is None and self.reaction is None and not len(rows) else None
+        self._idle = p.id if pose is None and not len(rows) else None
         return rows
 
     def _note_breach(self, position, gap, most):

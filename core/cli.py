@@ -1,7 +1,9 @@
 """The command line: `periporo config.yaml` runs a scene, other words name the tools around it."""
 
 import argparse
+import contextlib
 import difflib
+import gc
 import importlib
 import os
 import sys
@@ -117,14 +119,25 @@ def _use_tool(arguments) -> int:
         return INPUT_ERROR
 
 
+@contextlib.contextmanager
+def _keeping_all():
+    """What is loaded is no garbage, and to look for some takes a twentieth of the start."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+
+
 def _simulate(arguments) -> int:
     _doubt_shared_memory()
     if arguments.word == "run":  # one rank can check a scene as well as many
         _refuse_foreign_launcher()
-    from mpi4py import MPI
+    with _keeping_all():
+        from mpi4py import MPI
 
-    from periporo.core.ranks.processors import agree
-    from periporo.errors import ContactError, InputError, OutputError, WaterError
+        from periporo.core.ranks.processors import agree
+        from periporo.errors import ContactError, InputError, OutputError, WaterError
 
     comm = MPI.COMM_WORLD
     try:  # before any kernel is imported
@@ -134,11 +147,12 @@ def _simulate(arguments) -> int:
             print(f"periporo: {error}", file=sys.stderr, flush=True)
         return INPUT_ERROR
 
-    from periporo.core.bonds.bonds import RefusedStep
-    from periporo.core.motion.relaxation import RelaxationError
-    from periporo.core.run import run
-    from periporo.core.watch.strength import StabilityError
-    from periporo.core.watch.watchdog import WatchdogError
+    with _keeping_all():
+        from periporo.core.bonds.bonds import RefusedStep
+        from periporo.core.motion.relaxation import RelaxationError
+        from periporo.core.run import run
+        from periporo.core.watch.strength import StabilityError
+        from periporo.core.watch.watchdog import WatchdogError
 
     try:
         if arguments.word == "check":

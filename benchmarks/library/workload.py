@@ -74,6 +74,8 @@ SCENES = {
     "column of clay": collapse(2, CLAY, 40, 40, 60),
     "column of sand": collapse(2, SAND, 40, 40, 60),
     "cube of sand": collapse(3, SAND, 10, 10, 40, correspondence="point_state"),
+    "flow of clay in space": collapse(3, CLAY, 12, 12, 300),
+    "flow of sand in space": collapse(3, SAND, 12, 12, 300),
 }
 NAMES = (*KERNELS, *SCENES)
 

@@ -51,8 +51,8 @@ class Rows:
             _copy_rows(source, old.stress, self.stress)
             _copy_rows(source, old.state, self.state)
             self.carried = None
-            if self.resting is None:
-                self.resting = old.between_sleepers(particles)
+            rest, _ = old.parted(particles)
+            self.resting = rest if self.resting is None else self.resting.beside(rest)
         self.active = source >= 0
 
 
@@ -167,37 +167,51 @@ class Carried:
     active: np.ndarray  # the others are dropped
     stress: np.ndarray
     state: np.ndarray
+    whole: bool = False  # row by row as listed, and all active
 
     def packed(self, chosen) -> np.ndarray:
         """Ids, stress and state of the rows where `chosen` (n,), in one table."""
         rows = np.flatnonzero(chosen)
         return pack([self.ids[self.place[rows]], self.stress[rows], self.state[rows]])
 
-    def together(self, other: "Carried | None") -> "Carried":
-        """The active rows of both, none of which has the ids of another."""
+    def beside(self, other: "Carried | None") -> "Carried":
+        """The active rows of both, none of which has the ids of another; not sorted."""
         if other is None:
             return self
-        ids, stress, state = (np.concatenate(both) for both in zip(self._active(), other._active(), strict=True))
-        order = np.lexsort((ids[:, 1], ids[:, 0]))
-        return Carried.of_active(ids[order], stress[order], state[order])
+        return Carried.of_active(*(np.concatenate(b) for b in zip(self._active(), other._active(), strict=True)))
 
-    def between_sleepers(self, p: Particles) -> "Carried | None":
-        """The active rows of which both ends sleep, and one is owned; None if there are none."""
+    def together(self, other: "Carried | None") -> "Carried":
+        """The active rows of both, sorted."""
+        if other is None:
+            return self
+        both = self.beside(other)
+        order = np.lexsort((both.ids[:, 1], both.ids[:, 0]))
+        return Carried.of_active(both.ids[order], both.stress[order], both.state[order])
+
+    def parted(self, p: Particles) -> tuple["Carried | None", "Carried | None"]:
+        """The active rows of which both ends sleep, and one is owned, and the others; None for none."""
         if "asleep" not in p.fields or p.awake == p.total:
-            return None
+            return None, self
         ids, stress, state = self._active()
-        ends = rows_of(p.id, original(ids).ravel()).reshape(-1, 2)
-        rests = (ends >= 0).all(axis=1) & (p.asleep[ends] != 0).all(axis=1) & (ends < p.owned).any(axis=1)
-        return Carried.of_active(ids[rests], stress[rests], state[rests]) if rests.any() else None
+        sleeps = np.append(p.asleep != 0, False)  # the last stands for points that are not here
+        i, j = rows_of(p.id, original(ids).ravel()).reshape(-1, 2).T  # by column: along rows of two NumPy is slow
+        rests = sleeps[i] & sleeps[j] & (np.minimum(i, j) < p.owned)
+        if rests.all():
+            return Carried.of_active(ids, stress, state), None
+        of_both = [np.flatnonzero(rests), np.flatnonzero(~rests)]
+        resting, others = (Carried.of_active(ids[k], stress[k], state[k]) if len(k) else None for k in of_both)
+        return resting, others
 
     def _active(self):
+        if self.whole:
+            return self.ids, self.stress, self.state
         rows = np.flatnonzero(self.active)
         return self.ids[self.place[rows]], self.stress[rows], self.state[rows]
 
     @classmethod
     def of_active(cls, ids, stress, state) -> "Carried":
         """Of rows that are all active, one for each of the `ids`."""
-        return cls(ids, np.arange(len(ids), dtype=np.uint32), np.ones(len(ids), bool), stress, state)
+        return cls(ids, np.arange(len(ids), dtype=np.uint32), np.ones(len(ids), bool), stress, state, True)
 
 
 @kernel

@@ -5,14 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from periporo.core.bonds.averages import average_points, incidence_of, merged
+from periporo.core.bonds.averages import average_points, incidence_of
 from periporo.core.bonds.blocks import Block, Carried, Rows
 from periporo.core.bonds.rows import LinkRows
-from periporo.core.numerics.jit import kernel
 from periporo.core.points.departures import GONE
 from periporo.core.points.material import Material
 from periporo.core.points.neighbours import Pairs, original
-from periporo.core.points.particles import INHERITED, Field, Particles, rows_of
+from periporo.core.points.particles import Field, Particles, rows_of
 from periporo.core.ranks.halving import exchange_rows
 
 _NO_POINTS = np.empty(0, np.int64)
@@ -66,10 +65,13 @@ class Bonds:
         """All rows that last through rebuilds, in the order of their `index`."""
         return [*self.blocks, *([] if self.links is None else [self.links])]
 
-    def collect(self, comm, particles: Particles, owner: np.ndarray, others_sleep: bool = True) -> None:
+    def collect(
+        self, comm, particles: Particles, owner: np.ndarray, others_sleep: bool = True, divided: bool = True
+    ) -> None:
         """Set the active rows' state aside for a rebuild, sharing it with the points' new owners.
 
-        Rows between sleepers stay where they are, unless others may sleep now (`others_sleep`), or on another rank.
+        Rows between sleepers stay where they are, unless `others_sleep` now, and an end of theirs is awake, or space is
+        `divided` anew.
         """
         moved = np.unique(owner[(owner != comm.rank) & (owner != GONE)]).tolist() if comm.size > 1 else []
         for block in self.blocks:
@@ -77,9 +79,10 @@ class Bonds:
         for rows in self.carriers:
             ids, place = rows.layout.keys(rows, self.pairs)
             carried = Carried(ids, place, rows.active, rows.stress, rows.state)
-            rested = rows.resting if others_sleep else None
+            rested = rows.resting if others_sleep or divided else None
             if rested is not None:
-                carried, rows.resting = carried.together(rested), None
+                rows.resting, woken = (None, rested) if divided else rested.parted(particles)
+                carried = carried.together(woken)
             outgoing = {}
             if moved:
                 ends = self._ends_of(particles, rows, carried, rested is not None)
@@ -119,6 +122,7 @@ class Bonds:
     def rebuild(self, particles: Particles, reach: float) -> None:
         """Find the pairs within `reach` m and give back the state that `collect` set aside."""
         self.pairs.find(particles, reach)
+        particles.note_pairs(self.pairs.first, self.pairs.second)
         start = 0
         for block in self.blocks:
             block.restore(self.blocks, self.pairs, particles)
@@ -226,56 +230,6 @@ class Bonds:
             stress[points] += mean[points, 1:]
         stress[points] /= np.maximum(known, 1.0)[:, None]
 
-    def admit_newborn(self, particles: Particles, dt: float) -> None:
-        """Give state to rows whose pair came within the horizon, and take it from those that left.
-
-        A newborn row takes the mean of its two points' averages (logarithmic where the state field asks for
-        it), followed by one return mapping without a strain increment. A point without active rows has no
-        say; a row between two such points starts from `initial_stress`, or zero.
-        """
-        holders = [self.layout.holders(b, self.pairs) for b in self.blocks]
-        if not any(_changes(*h, particles.share, b.active) for h, b in zip(holders, self.blocks, strict=True)):
-            return
-        # averages still count rows that end now: so do those that arrived from the ghosts' owners
-        newborn = [_newborn_rows(*h, particles.share, b.active) for h, b in zip(holders, self.blocks, strict=True)]
-        if any(len(rows) for rows in newborn):
-            self._average_ends(particles, newborn)
-        for block, rows, held in zip(self.blocks, newborn, holders, strict=True):
-            _deactivate(*held, particles.share, block.active)
-            if len(rows):
-                self._initialise(block, rows, particles, dt)
-                block.active[rows] = True
-
-    def _average_ends(self, particles, newborn):
-        ends = [end for b, rows in zip(self.blocks, newborn, strict=True) for end in self._ends(b, rows)]
-        points = np.unique(np.concatenate(ends)).astype(np.int64)
-        self.average(particles, points[points < particles.owned])
-
-    def _initialise(self, block, rows, particles, dt):
-        average = getattr(particles, block.average)
-        ends = self._ends(block, rows)
-        first, second = average[ends[0]], average[ends[1]]
-        weight = first[:, :1] + second[:, :1]
-        values = merged(first[:, 1:], second[:, 1:], first[:, :1], second[:, :1], particles.components, block)
-        components = particles.components
-        stress = np.ascontiguousarray(values[:, :components])
-        state = np.ascontiguousarray(values[:, components:])
-        alone = np.flatnonzero(weight[:, 0] == 0.0)
-        if len(alone):
-            stress[alone] = self._stress_from_nothing(particles, ends[0][alone], ends[1][alone])
-            volume = 0.5 * (particles.volume[ends[0][alone]] + particles.volume[ends[1][alone]])
-            ids, place = self.layout.keys(block, self.pairs)
-            law = block.law_of(rows[alone])
-            try:
-                state[alone] = law.initial_state(stress[alone], original(ids[place[rows[alone]]]), volume)
-            except ValueError as error:  # other ranks go on until all are asked: it counts as a refusal
-                block.refused = rows[alone], str(error)
-        if block.given is not None:
-            still = np.zeros((len(rows), block.spin.shape[1]))
-            block.given.tell(state, np.zeros_like(stress), still, self._places(particles, *ends), self.time)
-        block.take(stress, np.zeros_like(stress), state, dt, rows)
-        block.stress[rows], block.state[rows] = stress, state
-
     def tell(self, particles: Particles) -> None:
         """Write into the state of active rows what their law asks for, at the end of the step."""
         for block in self.blocks:
@@ -284,63 +238,15 @@ class Bonds:
                 continue
             rows = np.flatnonzero(block.active)
             state, spin = block.state[rows], block.spin[rows] if given.turns else block.spin
-            places = self._places(particles, *self._ends(block, rows))
+            places = self.places(particles, *self.ends(block, rows))
             given.tell(state, block.strain_increment[rows], spin, places, self.time)
             block.state[rows] = state
 
-    def _places(self, particles, first, second):
+    def places(self, particles, first, second):
         """Where rows between two points each are, (n, d) m."""
         return self.origin + 0.5 * (particles.position[first] + particles.position[second])
 
-    def _ends(self, block, rows):
+    def ends(self, block, rows):
         """The two points that each of the rows lies between."""
         place, first, second, _ = self.layout.ends(block, self.pairs)
         return first[place[rows]], second[place[rows]]
-
-    def _stress_from_nothing(self, particles, first, second):
-        if self.inherits:
-            stress = getattr(particles, INHERITED)
-            return 0.5 * (stress[first] + stress[second])
-        if self.initial_stress is None:
-            return np.zeros((len(first), particles.components))
-        stress = self.initial_stress(0.5 * (particles.position[first] + particles.position[second]))
-        if self.initial_stress_is_total:
-            stress[:, :3] -= 0.5 * (particles.pore_stress[first] + particles.pore_stress[second])[:, None]
-        return stress
-
-
-@kernel
-def _changes(pair, first, second, weight, share, active):
-    """Whether a row becomes active, or has left the horizon or lost an end."""
-    for r in range(pair.shape[0]):
-        b = pair[r]
-        if active[r] != (weight[b] > 0.0 and share[first[b], 1] > 0.0 and share[second[b], 1] > 0.0):
-            return True
-    return False
-
-
-@kernel
-def _newborn_rows(pair, first, second, weight, share, active):
-    """Numbers of the rows that are about to become active."""
-    found = 0
-    for r in range(pair.shape[0]):
-        found += not active[r] and weight[pair[r]] > 0.0
-    rows = np.empty(found, np.int64)
-    if found == 0:
-        return rows
-    k = 0
-    for r in range(pair.shape[0]):
-        b = pair[r]
-        if not active[r] and weight[b] > 0.0 and share[first[b], 1] > 0.0 and share[second[b], 1] > 0.0:
-            rows[k] = r
-            k += 1
-    return rows[:k]
-
-
-@kernel
-def _deactivate(pair, first, second, weight, share, active):
-    """Take activity from rows that left the horizon or lost an end."""
-    for r in range(pair.shape[0]):
-        b = pair[r]
-        if active[r] and not (weight[b] > 0.0 and share[first[b], 1] > 0.0 and share[second[b], 1] > 0.0):
-            active[r] = False

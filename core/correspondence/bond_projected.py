@@ -26,6 +26,7 @@ stiffness, which grows like 1/|xi|^2, would set the time step of the whole scene
 
 import numpy as np
 
+from periporo.core.bonds.newborn import admit_newborn
 from periporo.core.bonds.rows import BOTH, FIRST, PairRows
 from periporo.core.correspondence import kinematics
 from periporo.core.correspondence.flux import add_flux_force, begin_flux, close_flux
@@ -90,7 +91,7 @@ class BondProjected:
             turn(p.tilt, p.gradient, dt)
         degenerate += int((p.share[p.owned :, 1] == 0.0).sum())
         if crossed or degenerate or self._degenerate:  # otherwise every row is as active as it was
-            bonds.admit_newborn(p, material_dt)
+            admit_newborn(bonds, p, material_dt)
         self._degenerate = degenerate
         for block in bonds.blocks:
             _strain_rows(

@@ -13,11 +13,16 @@ from periporo.core.numerics.jit import kernel
 
 
 def begin_flux(particles, moment: np.ndarray | None) -> None:
-    """Fill the flux of the owned points with what balances the `moment` (owned, d^2) N m of loads; zero without any."""
+    """Fill the flux of the points with what balances the `moment` (at least awake, d^2) N m of loads; zero without any.
+
+    That of points that sleep is held.
+    """
     p = particles
-    p.flux[:] = 0.0
-    if moment is not None:
-        np.negative(moment, out=p.flux[: p.owned])
+    p.flux[p.owned :] = 0.0
+    if moment is None:
+        p.flux[: p.awake] = 0.0
+    else:
+        np.negative(moment[: p.awake], out=p.flux[: p.awake])
 
 
 def close_flux(particles) -> None:

@@ -19,6 +19,7 @@ def update_neighbourhoods(particles, pairs, horizon: float, table: np.ndarray, d
     degenerate.
     """
     p = particles
+    p.clear(p.sums)
     crossed = _sum_moments(
         pairs.first, pairs.second, pairs.weight, pairs.count, p.position, p.velocity, p.volume, p.widths(), horizon,
         table, p.sums, p.dim,
@@ -45,13 +46,12 @@ def integrity_of(square_width, horizon):
 
 @kernel
 def _sum_moments(first, second, weight, count, position, velocity, volume, width, horizon, table, sums, dim):
-    """Weight of each pair, neighbour counts, and V_i times W, K and the velocity moment of both ends in `sums`.
+    """Weight of each pair, neighbour counts, and V_i times W, K and the velocity moment of both ends added to `sums`.
 
     Pairs are worked on by the tile: their ends are looked up one by one, their weights found in vectors, and the
     terms added one by one again, which keeps the order. Rings weigh by the root of their volumes
     (`periporo.core.correspondence.hoop`). Returns how many pairs crossed the horizon.
     """
-    sums[:] = 0.0
     crossed = 0
     terms = np.zeros(LANES * WIDTH)
     terms[::WIDTH] = 1.0

@@ -145,9 +145,9 @@ class PointState(Standard):
                 block.first, block.active, block.total_stress, p.volume, p.share, p.shape_inverse, p.flux, p.dim
             )
         if p.awake < p.owned:
-            p.flux[p.awake : p.owned] = p.held_flux[p.awake :]
+            p.flux[p.awake : p.stirred] = p.held_flux[p.awake : p.stirred]
         halo.update(p, "flux", *(("tilt_force",) if self.balanced else ()))
-        force[:] = 0.0
+        p.clear(force)
         add_flux_force(p, pairs, force, pull)
         if self.balanced:
             point_tilts.add_force(p, pairs, force)

@@ -46,6 +46,7 @@ REARRANGED = 6.0  # part of the overlap that a shear strain of 1 takes away
 MOST_REARRANGED = 0.01  # of an overlap, in one step
 
 SIGNED, ACTIVITY, SIZE, MOVED, PART, MADE, BORNE = range(7)  # columns of the field `flow`
+_MEAN, _STRESS = 1, 2  # first columns of the points' scratch `sums` that an exchange uses; their W stays
 _VISCOUS, _EXCHANGED, _REARRANGED = range(3)  # columns of the field `flow_work`
 
 
@@ -80,23 +81,25 @@ def exchange(p, pairs, blocks, moduli, horizon: float, table: np.ndarray) -> Non
     `blocks`, with their `moduli`, are those of laws that exchange stress, for it is all that they remember; without
     any, only pairs matter that are close, which their influence tells, from its `horizon` (m) and `table`.
     """
-    count = p.total if blocks else 0
-    stress, mean = np.zeros((count, p.components)), np.zeros(count)
     p.exchanged_strain.fill(0.0)
+    p.clear(p.rearrangement)
+    if blocks:
+        p.clear(p.sums[:, _MEAN:])
     _exchange(
-        pairs.first, pairs.second, pairs.weight, horizon, table, p.widths(), p.position, p.material, p.link, p.flow,
-        p.flow_stress, stress, mean, p.rearrangement, p.dim,
+        pairs.first, pairs.second, pairs.weight, len(blocks) > 0, horizon, table, p.widths(), p.position, p.material,
+        p.link, p.flow, p.flow_stress, p.sums, p.rearrangement, p.dim,
     )  # fmt: skip
     for block, (bulk, shear) in zip(blocks, moduli, strict=True):
         limit = block.material.tension_limit(block.stress, block.state)
         _apply(
-            block.first, block.active, bulk, shear, limit, block.opening.column, p.volume, p.share, p.flow, stress,
-            mean, block.stress, block.state, p.exchanged_strain, p.flow_work,
+            block.first, block.active, bulk, shear, limit, block.opening.column, p.volume, p.share, p.flow, p.sums,
+            block.stress, block.state, p.exchanged_strain, p.flow_work,
         )  # fmt: skip
 
 
 def stop(p, rows: np.ndarray) -> None:
-    """Let the points in `rows` take no part in what their neighbours exchange; they keep their size."""
+    """Let the points in `rows` take no part in what their neighbours exchange, and stay; they keep their size."""
+    p.rearrangement[rows] = 0.0
     p.flow[rows, ACTIVITY] = p.flow[rows, MOVED] = p.flow[rows, PART] = 0.0
 
 
@@ -199,17 +202,17 @@ def _shear_rate(g):
 
 @kernel
 def _exchange(
-    first, second, weight, horizon, table, width, position, material, link, flow, flow_stress, stress, mean,
+    first, second, weight, exchanges, horizon, table, width, position, material, link, flow, flow_stress, sums,
     rearrangement, dim,
 ):  # fmt: skip
+    """Add ways to `rearrangement`, and what points are given of stress and of its mean to columns of `sums`."""
     components = len(la.zero_symmetric(dim))
     least = 0.0
-    if mean.shape[0] == 0 and width.shape[0] == 0:  # nothing is exchanged; rings weigh by their widths, too
+    if not exchanges and width.shape[0] == 0:  # rings weigh by their widths, too
         largest = 0.0
         for i in range(flow.shape[0]):
             largest = max(largest, flow[i, SIZE])
         least = _BELOW * influence(1.0 - NEAREST * largest / horizon, table)
-    rearrangement[:] = 0.0
     for b in range(first.shape[0]):
         w = weight[b]
         if w < least or w == 0.0:
@@ -234,12 +237,12 @@ def _exchange(
             k = 0.5 * a * c * part if a * part * borne <= made else 0.5 * c * made / borne
             p_i, p_j = flow[i, SIGNED], flow[j, SIGNED]
             change = k * (min(p_j, max(-p_i, 0.0)) - min(p_i, max(-p_j, 0.0)))
-            mean[i] += change
-            mean[j] -= change
+            sums[i, _MEAN] += change
+            sums[j, _MEAN] -= change
             for e in range(components):
                 change = k * (flow_stress[j, e] - flow_stress[i, e])
-                stress[i, e] += change
-                stress[j, e] -= change
+                sums[i, _STRESS + e] += change
+                sums[j, _STRESS + e] -= change
         if close:
             r = np.sqrt(square)
             overlap = 0.5 * (size - r) / r
@@ -251,23 +254,22 @@ def _exchange(
 
 @kernel
 def _apply(
-    point, active, bulk, shear, limit, column, volume, share, flow, stress_change, mean_change, stress, state, strain,
-    work,
+    point, active, bulk, shear, limit, column, volume, share, flow, sums, stress, state, strain, work,
 ):  # fmt: skip
     for r in range(point.shape[0]):
         i = point[r]
-        if not active[r] or (mean_change[i] == 0.0 and flow[i, ACTIVITY] == 0.0):
+        if not active[r] or (sums[i, _MEAN] == 0.0 and flow[i, ACTIVITY] == 0.0):
             continue
         own = volume[i] * share[i, 2]
         mean = (stress[r, 0] + stress[r, 1] + stress[r, 2]) / 3.0
         before = mean * mean / (2.0 * bulk[r]) + _shear_energy(stress, r, mean, shear[r])
-        signed = flow[i, SIGNED] + mean_change[i] / own
-        strain[i] = mean_change[i] / (own * bulk[r])
+        signed = flow[i, SIGNED] + sums[i, _MEAN] / own
+        strain[i] = sums[i, _MEAN] / (own * bulk[r])
         new_mean = min(signed, limit[r])
         state[r, column] = (signed - new_mean) / bulk[r]
-        mean_of_changes = (stress_change[i, 0] + stress_change[i, 1] + stress_change[i, 2]) / 3.0
+        mean_of_changes = (sums[i, _STRESS] + sums[i, _STRESS + 1] + sums[i, _STRESS + 2]) / 3.0
         for c in range(stress.shape[1]):
-            change = stress_change[i, c] - (mean_of_changes if c < 3 else 0.0)
+            change = sums[i, _STRESS + c] - (mean_of_changes if c < 3 else 0.0)
             stress[r, c] += SHEAR_SHARE * change / own + (new_mean - mean if c < 3 else 0.0)
         after = new_mean * new_mean / (2.0 * bulk[r]) + _shear_energy(stress, r, new_mean, shear[r])
         work[i, _EXCHANGED] += own * (before - after)

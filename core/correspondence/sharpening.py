@@ -56,7 +56,7 @@ def factor(dimension: int, m: float, influence_name: str) -> float:
 def sharpen(particles, pairs, g: float) -> None:
     """Find M of the owned points from L of these and of the ghosts; in soil that flows, or has flowed far, g fades."""
     p = particles
-    p.sharp[:] = 0.0
+    p.clear(p.sharp)
     asks = np.zeros(p.total, np.bool_)
     _find_asking(p.awake, p.activity, p.flowed, asks)
     _sum_differences(pairs.first, pairs.second, pairs.weight, p.volume, p.share, p.gradient, asks, p.sharp, p.dim)

@@ -12,6 +12,7 @@ oscillations. beta fades degenerate neighbourhoods out (`periporo.core.correspon
 
 import numpy as np
 
+from periporo.core.bonds.newborn import admit_newborn
 from periporo.core.bonds.rows import PointRows
 from periporo.core.correspondence import hoop, kinematics
 from periporo.core.correspondence.flux import add_flux_force, begin_flux, close_flux
@@ -48,7 +49,7 @@ class Standard:
             hoop.follow_volume(p, dt)
         gradient = self.row_gradient(p, pairs, halo)
         if degenerate or not all(block.active.all() for block in bonds.blocks):  # otherwise all rows stay active
-            bonds.admit_newborn(p, material_dt)
+            admit_newborn(bonds, p, material_dt)
         for block in bonds.blocks:
             kinematics.strain_rows(
                 block.first, block.active, gradient, dt, block.stress, block.strain_increment, block.state,

@@ -17,6 +17,7 @@ state and the others take its share.
 
 import numpy as np
 
+from periporo.core.bonds.newborn import admit_newborn
 from periporo.core.bonds.rows import DirectedRows
 from periporo.core.correspondence import kinematics
 from periporo.core.correspondence.flux import add_flux_force, begin_flux, close_flux
@@ -60,7 +61,7 @@ class SubHorizon:
         if halo.comm.size > 1:
             bonds.average(p, halo.boundary_rows)
             halo.update(p, *[b.average for b in bonds.blocks])
-        bonds.admit_newborn(p, material_dt)
+        admit_newborn(bonds, p, material_dt)
         for block in bonds.blocks:
             own = np.arange(len(block.pair), dtype=np.uint32)
             kinematics.strain_rows(

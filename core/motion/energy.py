@@ -61,6 +61,8 @@ class Ledger:
         entries = self._named(exact_sum(self._comm, np.concatenate([kinetic[:, None], p.work], axis=1)))
         if "plastic_dissipation" in p.fields:  # a part of the internal energy that its laws report
             entries["plastic_dissipation"] = float(exact_sum(self._comm, p.plastic_dissipation)[0])
+        if "water_work" in p.fields:  # a part of the internal energy, where a scene asks for it
+            entries["water_work"] = float(exact_sum(self._comm, p.water_work)[0])
         if "flow_work" in p.fields:  # parts of the internal energy, and what the ledger's forces did not see
             entries |= zip(FLOW_WORK, exact_sum(self._comm, p.flow_work).tolist(), strict=True)
         return entries

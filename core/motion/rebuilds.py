@@ -37,7 +37,7 @@ def rebuild(sim, arrive: Callable[[Domain], dict[str, np.ndarray]] | None = None
     owner = sim.domain.owner(p.position[: p.owned])
     if sim.departures is not None:
         owner[_departing(sim, sim.departures)] = GONE
-    sim.bonds.collect(sim.comm, p, owner, others_sleep or sim.domain is not before)
+    sim.bonds.collect(sim.comm, p, owner, others_sleep, sim.domain is not before)
     sim.forces.forget()
     owned = sim.halo.migrate(p, owner)
     owned["reference_position"] = owned["position"].copy()

@@ -19,6 +19,8 @@ every `LOOK_INTERVAL` steps, so that it depends neither on ranks nor on checkpoi
 import numpy as np
 
 from periporo.core.motion.rebuilds import rebuild
+from periporo.core.numerics import vectors
+from periporo.core.numerics.jit import kernel
 from periporo.core.numerics.tensors import square_lengths
 from periporo.core.points.neighbours import near
 from periporo.core.points.particles import Field
@@ -40,7 +42,8 @@ class Sleep:
 
     `set_aside` J is the kinetic energy that was taken from points that fell asleep, `share` the part of all points that
     sleep. Point fields: `asleep` is 0 for a point that is awake, 1 from when it fell asleep until its loads are known,
-    then 2; `quiet` counts looks; `guard` is 1 for points that were close to sleepers when neighbours were found.
+    then 2; `quiet` counts looks; `guard` is 1 for points that were close to sleepers when neighbours were found, and
+    for sleepers that were close to others.
     """
 
     def __init__(self, speed: float, steps: int):
@@ -68,11 +71,12 @@ class Sleep:
         """
         if sim.step_number % LOOK_INTERVAL or not _allows(sim):
             return False
-        p, n = sim.particles, sim.particles.owned
-        slow = square_lengths(p.velocity[:n]) <= self.speed**2
-        p.quiet[:] = np.where(slow, p.quiet + 1, 0)
+        p, n, awake = sim.particles, sim.particles.owned, sim.particles.awake
+        slow = square_lengths(p.velocity[:awake]) <= self.speed**2
+        p.quiet[:awake] = np.where(slow, p.quiet[:awake] + 1, 0)
         fell = np.flatnonzero(p.asleep[:n] == 1)
-        p.held_load[fell], p.asleep[fell] = _loads(sim)[fell], 2
+        if len(fell):
+            p.held_load[fell], p.asleep[fell] = sum(load[fell] for load in _loads(sim)), 2
         wakes = self.share > 0.0 and bool((self._loud(sim) & ((p.guard != 0) | (p.asleep[:n] != 0))).any())
         if sim.step_number % (LOOK_INTERVAL * self._looks) == 0:
             tired = int((self._calm(sim) & (p.asleep[:n] == 0)).sum())
@@ -91,9 +95,10 @@ class Sleep:
         if self.share > 0.0:
             after = np.where(before, ~self._around(sim, self._loud(sim), _WAKENED), after)
         p.quiet[before & ~after] = 0
-        p.guard[:] = self._around(sim, after) & ~after
+        p.guard[:] = np.where(after, self._around(sim, ~after), self._around(sim, after))
         self._lay_down(sim, np.flatnonzero(after & ~before))
         p.asleep[:n] = np.where(after, np.maximum(p.asleep[:n], 1), 0)
+        sim.halo.update(p, "asleep")
         counts = np.array([int(after.sum()), n, int((after & ~before).sum()), int((before & ~after).sum())])
         asleep, total, fell, woke = sim.comm.allreduce(counts).tolist()
         self.share = asleep / max(total, 1)
@@ -142,11 +147,12 @@ class Sleep:
 
     def _loud(self, sim) -> np.ndarray:
         """Which owned points wake others: they are fast, or moved from outside, or sleep no more under their load."""
-        p, n = sim.particles, sim.particles.owned
-        loud = ~(square_lengths(p.velocity[:n]) <= (_LOUD * self.speed) ** 2)  # NaN is loud
-        gained = np.sqrt(square_lengths(_loads(sim) - p.held_load)) * self.steps * sim.dt
-        pushed = (p.asleep[:n] == 2) & ~(gained <= _LOUD * self.speed * p.mass)
-        return loud | pushed | _moved_by_others(sim)
+        p, loud = sim.particles, np.empty(sim.particles.owned, np.bool_)
+        _find_loud(
+            p.awake, p.velocity, p.asleep, _loads(sim), p.held_load, p.mass, _LOUD * self.speed, self.steps * sim.dt,
+            loud, p.dim,
+        )  # fmt: skip
+        return loud | _moved_by_others(sim)
 
     def _around(self, sim, chosen, steps: int = 2) -> np.ndarray:
         """Which owned points are the `chosen` (owned,), or within `steps` of `_REACH` horizons of one; collective."""
@@ -164,10 +170,24 @@ def _allows(sim) -> bool:
     return bool(sim.stages) and sim.stages[sim.stage_number].sleeps
 
 
-def _loads(sim) -> np.ndarray:
-    """What loads and contacts exert on the owned points, (owned, d) N."""
-    p, names = sim.particles, [name for name in sim.forces.names if name not in ("internal", "damping", "inertia")]
-    return sum((getattr(p, f"{name}_force")[: p.owned] for name in names), np.zeros((p.owned, p.dimension)))
+def _loads(sim) -> tuple[np.ndarray, ...]:
+    """What loads and contacts exert on the points, arrays (total, d) N."""
+    names = [name for name in sim.forces.names if name not in ("internal", "damping", "inertia")]
+    return tuple(getattr(sim.particles, f"{name}_force") for name in names)
+
+
+@kernel
+def _find_loud(awake, velocity, asleep, loads, held, mass, speed, time, loud, dim):
+    """Points that are faster than `speed`, or would be in the `time` by what loads have changed; NaN is loud."""
+    for i in range(loud.shape[0]):
+        if i < awake:
+            v = vectors.row(velocity, i, dim)
+            loud[i] = not vectors.dot(v, v) <= speed * speed
+            continue
+        change = vectors.zero(dim) - vectors.row(held, i, dim)
+        for load in loads:
+            change += vectors.row(load, i, dim)
+        loud[i] = asleep[i] == 2 and not np.sqrt(vectors.dot(change, change)) * time <= speed * mass[i]
 
 
 def _moved_by_others(sim) -> np.ndarray:

@@ -9,6 +9,12 @@ import numpy as np
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
 """Names of the components in their order; plane strain has the first four."""
 
+VECTOR = ("x", "y", "z")
+"""Names of the components of a vector."""
+
+MATRIX = tuple(a + b for a in VECTOR for b in VECTOR)
+"""Names of the components of a matrix, row by row."""
+
 INDEX_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
 """Row and column of each component."""
 

@@ -73,8 +73,9 @@ class ForceChannels:
         self._ids, self._arrays, self._moments, self._loads = None, (), (), []
 
     def moment(self) -> np.ndarray | None:
-        """Sum of all moments of loads on faces, (owned, d^2) N m, or None if no channel has such loads."""
-        return functools.reduce(np.add, self.moments()) if self.on_faces else None
+        """Sum of all moments of loads on faces, (awake, d^2) N m, or None if no channel has such loads."""
+        n = self._particles.awake
+        return functools.reduce(np.add, (moment[:n] for moment in self.moments())) if self.on_faces else None
 
     def clear(self) -> None:
         """No load any more; the internal force stays."""
@@ -87,7 +88,7 @@ class ForceChannels:
         p = self._particles
         if self.on_faces:
             square = p.dim * p.dimension  # as long as a row
-            _book_moments(p.owned, dt, self.moments(), p.gradient, p.work, self._face_columns, INTERNAL, square)
+            _book_moments(p.awake, dt, self.moments(), p.gradient, p.work, self._face_columns, INTERNAL, square)
 
     def total(self) -> np.ndarray:
         """Sum of all channels on the owned points, (owned, d) N."""
@@ -96,8 +97,8 @@ class ForceChannels:
 
 
 @kernel
-def _book_moments(owned, dt, moments, gradient, work, columns, internal, square):
-    for i in range(owned):
+def _book_moments(awake, dt, moments, gradient, work, columns, internal, square):
+    for i in range(awake):
         rate = vectors.row(gradient, i, square) * dt
         for c, moment in enumerate(moments):
             done = vectors.dot(vectors.row(moment, i, square), rate)

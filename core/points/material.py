@@ -10,10 +10,10 @@ from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 
-from periporo.core.numerics.tensors import COMPONENTS
+from periporo.core.numerics.tensors import COMPONENTS, MATRIX, VECTOR
 from periporo.errors import InputError, Problem
 
-_LABELS = {"scalar": ("",), "vector": ("x", "y", "z"), "matrix": tuple(a + b for a in "xyz" for b in "xyz")}
+_LABELS = {"scalar": ("",), "vector": VECTOR, "matrix": MATRIX}
 
 
 @dataclass(frozen=True)

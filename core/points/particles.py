@@ -97,7 +97,8 @@ def standard_fields(dimension: int) -> tuple[Field, ...]:
 class Particles:
     """Arrays of `owned` points of this rank followed by `total - owned` ghosts, one attribute per field.
 
-    Owned rows from `awake` on sleep, where points may (`periporo.core.motion.sleep`); elsewhere `awake` is `owned`.
+    Owned rows from `awake` on sleep, where points may (`periporo.core.motion.sleep`), and those from `stirred` on are
+    in no pair that is listed, since only others that sleep are close to them; elsewhere both are `owned`.
     """
 
     def __init__(self, dimension: int):
@@ -105,7 +106,7 @@ class Particles:
         self.components = component_count(dimension)
         self.dim = DIMENSION[dimension]
         self.fields: dict[str, Field] = {}
-        self.awake = 0
+        self.awake = self.stirred = 0
         self.owned = 0
         self.total = 0
         for field in standard_fields(dimension):
@@ -139,6 +140,20 @@ class Particles:
             return _nothing(rows, field.columns)
         return _aligned_zeros(rows if field.columns is None else (rows, field.columns), field.dtype)
 
+    def note_pairs(self, *ends: np.ndarray) -> None:
+        """Find which points are in no pair with these `ends`, rows of points."""
+        if self.awake < self.owned:
+            highest = [int(end[end < self.owned].max(initial=0)) for end in ends]
+            self.stirred = min(max(self.awake, 1 + max(highest)), self.owned)
+
+    def clear(self, array: np.ndarray) -> None:
+        """Set the rows (total, ...) to zero of all points that pairs may have added to."""
+        if self.stirred == self.owned:
+            array.fill(0.0)
+        else:
+            array[: self.stirred] = 0.0
+            array[self.owned :] = 0.0
+
     def present_volume(self) -> np.ndarray:
         """Volume (owned,) m^3 of the points after the last step."""
         return self.volume[: self.owned] * self.dilation
@@ -159,6 +174,7 @@ class Particles:
         self.owned = len(owned["id"])
         self.awake = self.owned - (int(np.count_nonzero(owned["asleep"])) if "asleep" in self.fields else 0)
         self.total = self.owned + ghosts
+        self.stirred = self.owned
         for field in self.fields.values():
             given = owned.pop(field.name) if field.migrates else None
             empty = field.sparse and not (given is not None and given.flags.writeable and given.any())
@@ -172,11 +188,19 @@ class Particles:
         return {f.name: picked(getattr(self, f.name), rows) for f in self.migrating()}
 
 
+def depth_of_sleep(owned: dict[str, np.ndarray]) -> np.ndarray:
+    """Of points by field (n,): 0 for those that are awake, 1 for sleepers close to others, 2 for those behind them."""
+    return np.where(owned["asleep"] != 0, np.where(owned["guard"] != 0, 1, 2), 0)
+
+
 def awake_first(owned: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Rows of points by field, those that sleep behind the others."""
-    if "asleep" not in owned or not owned["asleep"].any():
+    """Rows of points by field, those that sleep behind the others, the deepest last."""
+    if "asleep" not in owned:
         return owned
-    order = np.argsort(owned["asleep"] != 0, kind="stable")
+    depth = depth_of_sleep(owned)
+    if not (depth[:-1] > depth[1:]).any():
+        return owned
+    order = np.argsort(depth, kind="stable")
     return {name: picked(array, order) for name, array in owned.items()}
 
 
@@ -203,8 +227,9 @@ def rows_of(ids: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     if len(ids) == 0:
         return np.full(len(wanted), -1)
     order = np.argsort(ids, kind="stable")  # a point before its images
-    place = order[np.minimum(np.searchsorted(ids, wanted, sorter=order), len(ids) - 1)]
-    return np.where(ids[place] == wanted, place, -1)
+    known = ids[order]
+    place = np.minimum(np.searchsorted(known, wanted), len(ids) - 1)
+    return np.where(known[place] == wanted, order[place], -1)
 
 
 def _aligned_zeros(shape, dtype) -> np.ndarray:

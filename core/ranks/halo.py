@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from periporo.core.points.departures import GONE
-from periporo.core.points.particles import Particles, awake_first, joined, picked
+from periporo.core.points.particles import Particles, awake_first, depth_of_sleep, joined, picked
 from periporo.core.ranks.domain import Domain, distance
 from periporo.core.ranks.halving import exchange_rows
 from periporo.core.ranks.images import Images
@@ -50,7 +50,10 @@ class Halo:
         return () if self.images is None else tuple(self.images.periods)
 
     def migrate(self, particles: Particles, owner: np.ndarray) -> dict[str, np.ndarray]:
-        """Owned fields after each point moved to its new `owner` (owned,), or is `GONE`; rows in id order."""
+        """Owned fields after each point moved to its new `owner` (owned,), or is `GONE`.
+
+        Rows are in id order; sleepers stand last, as by `awake_first`.
+        """
         stays = owner != GONE
         owned = particles.take(slice(0, particles.owned) if stays.all() else np.flatnonzero(stays))
         owner = owner[stays]
@@ -68,9 +71,11 @@ class Halo:
                     part = part[:, 0] if f.columns is None else part
                     owned[f.name] = joined(picked(owned[f.name], ~leaving), part)
                     column += width
-        if (owned["id"][1:] > owned["id"][:-1]).all():
-            return owned
         order = np.argsort(owned["id"], kind="stable")
+        if "asleep" in owned:
+            order = order[np.argsort(depth_of_sleep(owned)[order], kind="stable")]
+        if (order[1:] > order[:-1]).all():
+            return owned
         return {name: picked(array, order) for name, array in owned.items()}
 
     def rebuild(self, particles: Particles, domain: Domain, owned: dict[str, np.ndarray], reach: float) -> None:

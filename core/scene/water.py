@@ -29,6 +29,12 @@ STANDARD_GRAVITY = 9.81  # m/s^2, under which a conductivity is measured
 
 def build_water(scene, materials) -> PoreWater:
     """The process of the scene's pore water. Raises InputError for materials without pores and unusable tables."""
+    process = _process(scene, materials)
+    process.reports_work = scene.pore_water.report_work
+    return process
+
+
+def _process(scene, materials) -> PoreWater:
     water = scene.pore_water
     soils = [_soil(scene, name) for name in scene.materials]
     curves = [retention_of(soil.retention) for soil in soils]

@@ -114,7 +114,8 @@ class HistoryObserver(Observer):
     UNITS = {
         "time": "s", "dt": "s", "kinetic_energy": "J", "internal_energy": "J", "external_work": "J",
         "contact_energy": "J", "friction_dissipation": "J", "damping_dissipation": "J", "prescribed_work": "J",
-        "integration_term": "J", "plastic_dissipation": "J", "energy_residual": "J",
+        "integration_term": "J", "plastic_dissipation": "J", "water_work": "J",
+        "energy_residual": "J",
         "max_speed": "m/s", "front": "m", "height": "m",
     }  # fmt: skip
 

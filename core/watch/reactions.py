@@ -1,5 +1,8 @@
 """What obstacles and boundaries bear, added up over all ranks at the end of every step."""
 
+import numpy as np
+from mpi4py import MPI
+
 from periporo.core.ranks.reductions import exact_sums
 from periporo.core.watch.observers import Observer
 
@@ -14,6 +17,8 @@ class Reactions(Observer):
     def __init__(self, obstacles, touching=None):
         self.obstacles = list(obstacles)
         self.touching = touching
+        self._present: tuple = None, []  # contacts of the stage, and the obstacles among them
+        self._near: tuple = None, []  # when neighbours were found, and the obstacles that points are near
 
     def start_stage(self, sim, stage) -> None:
         """The forces with which the stage begins; none on what is not there."""
@@ -32,13 +37,25 @@ class Reactions(Observer):
         self.touching.recall(memory["springs"])
 
     def _add_up(self, sim, dt):
-        present = [o for o in self.obstacles if o in sim.contacts]
-        for obstacle in self.obstacles:
-            if obstacle not in present:
-                obstacle.reaction.vanish()
-        if present:
-            sums = exact_sums(sim.comm, [o.reaction.rows for o in present])
-            for obstacle, of_obstacle in zip(present, sums, strict=True):
+        if self._present[0] is not sim.contacts:
+            self._present = sim.contacts, [o for o in self.obstacles if o in sim.contacts]
+            self._near = None, []
+            for obstacle in self.obstacles:
+                if obstacle not in self._present[1]:
+                    obstacle.reaction.vanish()
+        if self._near[0] != sim.rebuild_count:
+            self._near = sim.rebuild_count, self._found(sim)
+        near = self._near[1]
+        if near:
+            sums = exact_sums(sim.comm, [o.reaction.rows for o in near])
+            for obstacle, of_obstacle in zip(near, sums, strict=True):
                 obstacle.reaction.add_up(of_obstacle, dt)
         if self.touching is not None:
             self.touching.close(sim.contacts, sim.time, dt)
+
+    def _found(self, sim):
+        """The obstacles that points of any rank are near, or that have just borne something."""
+        present, p = self._present[1], sim.particles
+        near = np.array([not o.is_idle(p) or o.reaction.loads.any() for o in present], bool)
+        sim.comm.Allreduce(MPI.IN_PLACE, near, MPI.LOR)
+        return [obstacle for obstacle, found in zip(present, near, strict=True) if found]

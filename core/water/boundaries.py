@@ -5,11 +5,11 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from periporo.core.water.conductance import SHAPE_PAIRS
 from periporo.core.water.flow import CONTENT, DISSIPATED, ENTERED, LEFT, RAN_OFF, FlowingWater
 from periporo.core.water.retention import conductivities
 
 PRESSURE, HEAD, FLUX, RAIN = "pressure", "head", "flux", "rain"
-SHAPE_PAIRS = {2: ((0, 0), (1, 1), (0, 1)), 3: ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))}
 _TOUCHING = 0.75  # cells between a point and the obstacle that its face touches: half of one, and what it may stretch
 _FACE = 0.5  # of the face of a cell: a smaller area on the side that is meant belongs to another side
 

@@ -9,10 +9,10 @@ Aslam 2014). They need no inner products, so the bits are the same on any number
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from periporo.core.numerics import algebra as la
 from periporo.core.numerics.jit import kernel
 from periporo.core.points.particles import Field
 from periporo.core.ranks.reductions import exact_sum, maximum
@@ -58,6 +58,17 @@ class Permeability:
         return self.gravity / strength if strength > 0.0 else self.gravity
 
 
+class Network(NamedTuple):
+    """What conducts water: a J kappa of full pores (pairs,) m^3/(Pa s), boundaries with the faces that they have now.
+
+    `sums` (total,) m^3/(Pa s) are those that the pairs of each point conduct with the present k_r.
+    """
+
+    conducted: np.ndarray
+    inflows: list[tuple[Any, Any]]
+    sums: np.ndarray
+
+
 class FlowingWater(UndrainedWater):
     """Water that flows. In relaxation, which takes all the time in the world, it keeps its pressure.
 
@@ -88,7 +99,8 @@ class FlowingWater(UndrainedWater):
         if strength > 0.0:
             head = lambda p, n: (p.pore_pressure[:n] - (p.position[:n] * weight).sum(axis=1)) / strength  # noqa: E731
             self.derived = self.derived | {"head": (1, "m", head)}
-        sim.particles.add_field(Field("flow_state", 3, "Pa, 1, m^2/(Pa s)", migrates=False))  # p, k_r, J k/mu
+        # p - rho_w g . x, k_r, J k/mu
+        sim.particles.add_field(Field("flow_state", 3, "Pa, 1, m^2/(Pa s)", migrates=False))
 
     def _fluxes(self, p, n):
         return fluxes(p, self._sim.bonds.pairs, self.network(p), self.permeability.factors)
@@ -140,36 +152,40 @@ class FlowingWater(UndrainedWater):
             raise WaterError(TOO_FAST.format(dt=dt))
         self.transport(p, net, self._sim.time, dt, stages, lambda gone: self._fill_pressure(p))
 
-    def stages_within(self, p, net, dt: float) -> float:
+    def stages_within(self, p, net: Network, dt: float) -> float:
         """Stages that the flow through `net` needs in a step of `dt` s; collective."""
         return stages_for(0.5 * dt * self.fastest(p, net, np.zeros(p.owned)))
 
-    def network(self, p) -> tuple:
-        """What conducts water at present: of every pair a kappa and rho_w g . xi, and inflows with their faces."""
+    def network(self, p) -> Network:
+        """What conducts water at present; fills `flow_state`; collective."""
         pairs = self._sim.bonds.pairs
         self.describe(p)
-        conducted, drop = np.zeros(len(pairs.first)), np.zeros(len(pairs.first))
+        conducted, sums = np.empty(len(pairs.first)), np.zeros(p.total)
         _find_conducted(
-            pairs.first, pairs.second, pairs.weight, p.position,
-            conductance.stretched(p.position, self.permeability.factors), p.volume, p.conduction, p.flow_state,
-            self.pores.density * self.permeability.gravity, conducted, drop, p.dim,
+            pairs.first, pairs.second, pairs.weight, conductance.stretched(p.position, self.permeability.factors),
+            p.volume, p.conduction, p.flow_state, conducted, sums, p.dim,
         )  # fmt: skip
         inflows = self._sim.inflows
         outer = self.outer_faces(p) if inflows else None
-        return conducted, drop, [(boundary, boundary.faces(p, outer)) for boundary in inflows]
+        return Network(conducted, [(boundary, boundary.faces(p, outer)) for boundary in inflows], sums)
+
+    def again(self, p, net: Network) -> Network:
+        """The network with what it conducts by the `flow_state` of now."""
+        pairs, sums = self._sim.bonds.pairs, np.zeros(p.total)
+        _sum_conducted(pairs.first, pairs.second, net.conducted, p.flow_state, sums)
+        return net._replace(sums=sums)
 
     def outer_faces(self, p) -> np.ndarray:
         """The faces that the owned points have now, see `conductance.outer_faces`."""
         return conductance.outer_faces(p, self._sim.bonds.pairs, self.permeability.factors)
 
-    def transport(self, p, net, begin: float, dt: float, stages: int, find_pressure) -> None:
+    def transport(self, p, net: Network, begin: float, dt: float, stages: int, find_pressure) -> None:
         """Let water flow through `net` for `dt` s from the time `begin`.
 
         `find_pressure` is a function of the seconds gone that fills pressure and saturation from the content; those of
-        the start are there.
+        the start are there, and so is its `flow_state`.
         """
-        n, pairs = p.owned, self._sim.bonds.pairs
-        conducted, drop, inflows = net
+        n, pairs, inflows = p.owned, self._sim.bonds.pairs, net.inflows
         start = np.zeros((n + 1, self.sums if inflows else ENTERED))  # the last row is a clock
         start[:n, CONTENT] = p.water_content
 
@@ -180,9 +196,9 @@ class FlowingWater(UndrainedWater):
         def flow_of(state):
             if state is not start:
                 fill(state)
-            self.describe(p)
+                self.describe(p)
             flow = np.zeros((p.total + 1, start.shape[1]))
-            _add_flows(pairs.first, pairs.second, conducted, drop, p.flow_state, flow)
+            _add_flows(pairs.first, pairs.second, net.conducted, p.flow_state, flow)
             for boundary, faces in inflows:
                 boundary.add(p, faces, begin + state[n, CONTENT], self, flow)
             flow[n], flow[n, CONTENT] = 0.0, 1.0
@@ -199,16 +215,16 @@ class FlowingWater(UndrainedWater):
             self.permeability.follows_porosity, p.pore_pressure, p.saturation, p.pore_dilation, p.flow_state,
         )  # fmt: skip
         self._sim.halo.update(p, "flow_state")
+        if self.weight.any():  # of copies beyond a seam the place counts where they stand
+            _subtract_weight(p.total, p.position, self.weight, p.flow_state, p.dim)
 
-    def fastest(self, p, net, compliance) -> float:
+    def fastest(self, p, net: Network, compliance) -> float:
         """A bound on the fastest rate of the flow, 1/s: twice the sum of what each point conducts over its capacity.
 
         `compliance` (owned,) 1/Pa is the rate of `pore_dilation` with the pressure.
         """
-        pairs, (conducted, _, inflows) = self._sim.bonds.pairs, net
-        sums = np.zeros(p.total)
-        _sum_conducted(pairs.first, pairs.second, conducted, p.flow_state, sums)
-        for boundary, faces in inflows:
+        sums = net.sums.copy() if net.inflows else net.sums
+        for boundary, faces in net.inflows:
             sums[faces.rows] += boundary.conducted(p, faces, self)
         return maximum(
             self._sim.comm,
@@ -238,30 +254,36 @@ def _describe(owned, material, initial_porosity, curves, mobility, follows, pres
 
 
 @kernel
-def _find_conducted(
-    first, second, weight, position, place, volume, conduction, state, water_weight, conducted, drop, dim
-):
-    """a J kappa of full pores, J the volume ratio, and rho_w g . xi, of every pair; those of no weight stay 0."""
+def _subtract_weight(total, position, water_weight, state, dim):
+    for i in range(total):
+        for c in range(len(dim)):
+            state[i, 0] -= water_weight[c] * position[i, c]
+
+
+@kernel
+def _find_conducted(first, second, weight, place, volume, conduction, state, conducted, sums, dim):
+    """a J kappa of full pores, J the volume ratio, of every pair, and of each point the sum with the larger k_r."""
     for b in range(first.shape[0]):
         if weight[b] == 0.0:
+            conducted[b] = 0.0
             continue
         i, j = first[b], second[b]
         a = conductance.pair_conductance(i, j, weight[b], place, volume, conduction, dim)
         both = state[i, 2] + state[j, 2]
         series = 2.0 * state[i, 2] * state[j, 2] / both if both > 0.0 else both
         conducted[b] = a * series
-        xi = la.difference(position, i, j, dim)
-        for c in range(len(dim)):
-            drop[b] += water_weight[c] * xi[c]
+        value = conducted[b] * max(state[i, 1], state[j, 1])
+        sums[i] += value
+        sums[j] += value
 
 
 @kernel
-def _add_flows(first, second, conducted, drop, state, flow):
+def _add_flows(first, second, conducted, state, flow):
     for b in range(first.shape[0]):
         if conducted[b] == 0.0:
             continue
         i, j = first[b], second[b]
-        driven = state[j, 0] - state[i, 0] - drop[b]
+        driven = state[j, 0] - state[i, 0]
         q = conducted[b] * driven * 0.5 * (state[j, 1] + state[i, 1])
         flow[i, CONTENT] += q
         flow[j, CONTENT] -= q

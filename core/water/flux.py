@@ -15,11 +15,10 @@ def fluxes(p, pairs, net, factors) -> np.ndarray:
     neighbours have none.
     """
     d, n = p.dimension, p.owned
-    conducted, drop, _ = net
     moments, carried = np.zeros((p.total, d, d)), np.zeros((p.total, d))
     _sum_fluxes(
         pairs.first, pairs.second, pairs.weight, p.position, stretched(p.position, factors), p.volume, p.conduction,
-        conducted, drop, p.flow_state, moments, carried, p.dim,
+        net.conducted, p.flow_state, moments, carried, p.dim,
     )  # fmt: skip
     trace = np.trace(moments[:n], axis1=1, axis2=2)
     alone = ~(np.linalg.det(moments[:n]) > 1e-9 * trace**d) & ~np.isnan(trace)
@@ -29,7 +28,7 @@ def fluxes(p, pairs, net, factors) -> np.ndarray:
 
 @kernel
 def _sum_fluxes(
-    first, second, weight, position, place, volume, conduction, conducted, drop, state, moments, carried, dim
+    first, second, weight, position, place, volume, conduction, conducted, state, moments, carried, dim
 ):
     """Sums of a xi (x) xi and of Q xi, Q what flows towards the point."""
     d = len(dim)
@@ -39,7 +38,7 @@ def _sum_fluxes(
         i, j = first[b], second[b]
         a = pair_conductance(i, j, weight[b], place, volume, conduction, dim)
         xi = la.difference(position, i, j, dim)
-        q = conducted[b] * 0.5 * (state[j, 1] + state[i, 1]) * (state[j, 0] - state[i, 0] - drop[b])
+        q = conducted[b] * 0.5 * (state[j, 1] + state[i, 1]) * (state[j, 0] - state[i, 0])
         for c in range(d):
             carried[i, c] += q * xi[c]
             carried[j, c] += q * xi[c]

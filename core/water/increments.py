@@ -102,7 +102,7 @@ class Increments:
             start = self.water.fastest(p, net, row[:, COMPLIANCE])
             rate = max(rate, start)
             self._transport(p, net, rate)
-            end = self.water.fastest(p, net, row[:, COMPLIANCE])
+            end = self.water.fastest(p, self.water.again(p, net), row[:, COMPLIANCE])
             if not end > _FASTER * rate or length == 0.0:
                 break
             if not end < _MUCH_FASTER * rate:  # pores have filled: the stages were too few to be stable
@@ -191,6 +191,8 @@ class Increments:
         stages = stages_for(courant / parts)
         for number in range(parts):
             gone = number * part
+            if number:
+                self.water.describe(p)
             self.water.transport(
                 p, net, begin + gone, part, stages, lambda more, gone=gone: self._fill_pressure(p, gone + more)
             )  # fmt: skip

@@ -20,7 +20,7 @@ from periporo.core.points.forces import WORK
 from periporo.core.points.material import BONDING
 from periporo.core.points.particles import Field
 from periporo.core.ranks.reductions import exact_sum
-from periporo.core.water import smoothing
+from periporo.core.water import smoothing, work
 from periporo.core.water.bishop import pore_stress
 from periporo.core.water.content import (
     fill_content,
@@ -57,6 +57,7 @@ class PoreWater:
         largest = -np.array([profile.largest_suction])
         driest = np.concatenate([pores.initial_saturation(m, largest) for m in range(len(pores.porosity))])
         self.largest_bonding = bonding_variable(-largest, driest)
+        self.reports_work = False  # to the ledger
         self._sim: Any = None
         self._bonds = False  # whether a law wants to know the bonding by suction
 
@@ -66,6 +67,8 @@ class PoreWater:
         for name, unit in (("pore_pressure", "Pa"), ("saturation", "1"), ("grain_mass", "kg")):
             sim.particles.add_field(Field(name, None, unit, sent=False))
         sim.particles.add_field(Field("pore_stress", None, "Pa"))  # -chi p, and the pressure of free water
+        if self.reports_work:
+            sim.particles.add_field(work.FIELD)
         self._bonds = any(bonding_column(block.material) is not None for block in sim.bonds.blocks)
         if self._bonds:
             sim.particles.add_field(Field("bonding_variable", None, "1"))  # xi
@@ -83,6 +86,7 @@ class PoreWater:
     def update(self, p, bonds, dt: float) -> None:
         """Pressure, saturation and mass at the end of the step, and total stress of the rows."""
         n = p.owned
+        before = p.pore_stress.copy() if self.reports_work and dt > 0.0 else None
         self._advance(p, dt)
         p.pore_stress[:n] = pore_stress(self.pores.factors, p.material, p.pore_pressure, p.saturation)
         if self.free is not None:
@@ -90,6 +94,8 @@ class PoreWater:
         if self._bonds:
             p.bonding_variable[:n] = bonding_variable(np.maximum(-p.pore_pressure, 0.0), p.saturation)
         self._sim.halo.update(p, "pore_stress", *(("bonding_variable",) if self._bonds else ()))
+        if before is not None:
+            work.add_work(p, bonds, before)
         self.fill_total(p, bonds)
         for block in bonds.blocks:
             column = bonding_column(block.material)

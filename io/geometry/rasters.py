@@ -15,6 +15,7 @@ from periporo.io.geometry.points import counted_from
 from periporo.io.schema.ground import RasterFile
 
 MAX_VALUES = 500_000_000
+_DEEPEST = -9999.0  # m, at and below which heights stand for none: -9999, -32768, -3.4e38
 _STEEPEST = 50.0  # mean slope beyond which cells must be degrees
 _GEOTIFF = (".tif", ".tiff")
 
@@ -128,8 +129,21 @@ def _read(model: RasterFile) -> Raster:
     if np.isnan(raster.level).all():
         raise GroundFileError("it has no values, only what stands for none")
     if model.of_heights:
+        _refuse_stand_ins(raster)
         _refuse_degrees(path, raster)
     return raster
+
+
+def _refuse_stand_ins(raster: Raster) -> None:
+    """Raise GroundFileError if a height must stand for none, though the file does not say so."""
+    deepest = np.nanmin(raster.level)
+    if deepest <= _DEEPEST:
+        j, i = np.argwhere(raster.level == deepest)[0]
+        at = raster.row_and_column(raster.place(i, j))
+        raise GroundFileError(
+            f"the height {deepest:g} at {at} is that of no ground; if it stands for none, say so: NODATA_value of a "
+            "grid, nodata of an array, gdal_edit -a_nodata"
+        )
 
 
 _DEGREES = (
@@ -162,12 +176,17 @@ def _from_ascii(path: Path) -> Raster:
                 header[words[0].lower()] = float(words[1])
             except ValueError:
                 raise GroundFileError(f"its header says {words[0]} {words[1]!r}, which is not a number") from None
+        if words and words[0][0].isalpha() and words[0].lower() != "nan":
+            raise GroundFileError(f"its header says '{' '.join(words):.40}'; a name and one number are needed")
         file.seek(before)
         nx, ny = (_count(header, name) for name in ("ncols", "nrows"))
-        try:
-            level = np.array(file.read().split(), float)
-        except ValueError as error:
-            raise GroundFileError(f"below the header: {error}") from None
+        values = file.read().split()
+    try:
+        level = np.array(values, float)
+    except ValueError:
+        wrong = next(k for k, value in enumerate(values) if not _is_number(value))
+        at = f"row {wrong // nx + 1}, column {wrong % nx + 1}"
+        raise GroundFileError(f"the value at {at} is {values[wrong]!r:.40}, not a number") from None
     if len(level) != nx * ny:
         raise GroundFileError(f"its header promises {nx} x {ny} values, it has {len(level):,}")
     side = header.get("cellsize")
@@ -186,8 +205,18 @@ def _count(header: dict[str, float], name: str) -> int:
     return int(count)
 
 
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
 def _corner(header: dict[str, float], axis: str, side: float) -> float:
     """Place of the first value: the header names it, or the corner of its cell."""
+    if any(name.endswith("llcenter") for name in header) and any(name.endswith("llcorner") for name in header):
+        raise GroundFileError("its header has llcorner and llcenter: which of them holds for both axes?")
     if f"{axis}llcenter" in header:
         return header[f"{axis}llcenter"]
     if f"{axis}llcorner" in header:

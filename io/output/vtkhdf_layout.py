@@ -14,17 +14,14 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from periporo.core.numerics.tensors import COMPONENTS
+from periporo.core.numerics.tensors import COMPONENTS, MATRIX, VECTOR
 
 _CHUNK_ROWS = 8192
 INDEX_ROWS = 512  # chunk of the datasets with one row per output
 HISTORY_ROWS = 4096
 INDEX = "index.h5"
 _METADATA_BYTES = 16_384  # most that a growing dataset adds to its description and chunk index at once
-_AXES = ("x", "y", "z")
-STORED_COMPONENTS = {
-    1: (), 2: _AXES, 3: _AXES, 4: COMPONENTS, 6: COMPONENTS, 9: tuple(a + b for a in _AXES for b in _AXES)
-}  # fmt: skip
+STORED_COMPONENTS = {1: (), 2: VECTOR, 3: VECTOR, 4: COMPONENTS, 6: COMPONENTS, 9: MATRIX}
 COUNTS = ("NumberOfPoints", "NumberOfCells", "NumberOfConnectivityIds")
 
 # The oldest file format: newer ones mark a file as being written, and a killed process leaves that mark.
@@ -55,7 +52,7 @@ class Column:
 
 def columns_of(fields) -> dict[str, Column]:
     """The datasets with a row per point, by name, for `fields`: name -> (columns, unit)."""
-    columns = {"Points": Column("f8", "m", _AXES), "PointData/id": Column("i8")}
+    columns = {"Points": Column("f8", "m", VECTOR), "PointData/id": Column("i8")}
     return columns | {
         f"PointData/{name}": Column("f8", unit, STORED_COMPONENTS[width]) for name, (width, unit) in fields.items()
     }

@@ -19,6 +19,8 @@ _COLOURS = "viridis"
 _CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])  # of a square, over half its side
 
 
+_FAR = 20.0  # lengths of its last segment, by which a line without end is drawn on
+_WEB = 1.75  # spacings between points, up to which there is soil between them
 _FACES = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))  # of a hexahedron
 
 
@@ -87,13 +89,14 @@ class PointPicture:
         self.limits = limits
         self.figure, self.axes, self._bar = self._lay_out(Figure)
         prepared = [self._prepare(axes, view) for axes, view in zip(self.axes, self.views, strict=True)]
-        self.points, self.squares = zip(*prepared, strict=True)
+        self.points, self.squares, self.webs = zip(*prepared, strict=True)
         self.obstacles = [self._prepare_obstacles(axes) for axes in self.axes]
         self._grounds = grounds_of(results)
         up = vertical_axis(results.configuration.get("gravity"), results.dimension)
         self._reliefs = [Relief(axes, view, up) for axes, view in zip(self.axes, self.views, strict=True)]
         self.water = self._prepare_water()
         self.colour_bar = None
+        self._show_gravity()
 
     def show(self, step):
         """Draw output `step`."""
@@ -110,14 +113,19 @@ class PointPicture:
         for view, (areas, edges) in zip(self.views, self.obstacles, strict=True):
             areas.set_verts([face[:, [view.across, view.up]] for face in faces])
             edges.set_segments([line[:, [view.across, view.up]] for line in lines])
-        for view, points, squares in zip(self.views, self.points, self.squares, strict=True):
+        for view, points, squares, web in zip(self.views, self.points, self.squares, self.webs, strict=True):
             order = view.nearest_last(position)
             centres = position[order][:, [view.across, view.up]]
             points.set_offsets(centres)
             if squares is not None:
                 squares.set_verts(centres[:, None] + 0.52 * self.spacing * _CORNERS)
-            for collection in (c for c in (points, squares) if c is not None):
-                collection.set_array(np.ma.masked_invalid(values[order]))
+            shown = [(points, values[order]), (squares, values[order])]
+            if web is not None:
+                triangles = between(centres, _WEB * self.spacing)
+                web.set_verts(centres[triangles])
+                shown.append((web, values[order][triangles].mean(axis=1)))
+            for collection, colours in ((c, v) for c, v in shown if c is not None):
+                collection.set_array(np.ma.masked_invalid(colours))
                 collection.set_clim(*limits)
         if self.colour_bar is None:
             self._add_colour_bar(label, values)
@@ -161,7 +169,7 @@ class PointPicture:
         return figure, axes, figure.add_axes((0.15, 0.5 / height, 0.7, 0.15 / height))
 
     def _prepare(self, axes, view):
-        """The points of a view, and in two dimensions the squares below them; `show` fills them."""
+        """The points of a view, in two dimensions squares and what lies between below them; `show` fills them."""
         from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
 
         first = self.results.positions(0)
@@ -175,10 +183,11 @@ class PointPicture:
         if view.towards is not None:
             rim = min(0.3, 0.03 * 72 * self._scale * diameter)  # points (1/72 inch)
             points.set(edgecolors=(0, 0, 0, 0.35), linewidths=rim)
-            return points, None
-        squares = PolyCollection([], cmap=_COLOURS, linewidths=0, zorder=1)  # soil has no holes between its points
-        axes.add_collection(squares, autolim=False)
-        return points, squares
+            return points, None, None
+        squares, web = (PolyCollection([], cmap=_COLOURS, linewidths=0, zorder=z) for z in (1, 0.9))
+        for collection in (squares, web):  # soil has no holes between its points
+            axes.add_collection(collection, autolim=False)
+        return points, squares, web
 
     def _prepare_obstacles(self, axes):
         """What `show` fills with the obstacles of a view: areas, and lines."""
@@ -189,6 +198,17 @@ class PointPicture:
         axes.add_collection(areas, autolim=False)
         axes.add_collection(edges, autolim=False)
         return areas, edges
+
+    def _show_gravity(self):
+        """An arrow above the views in which gravity is inclined, as on a chute."""
+        pull = np.resize(np.asarray(self.results.configuration.get("gravity") or 0.0, float), 3)
+        for axes, view in zip(self.axes, self.views, strict=True):
+            down = pull[[view.across, view.up]]
+            if (down != 0.0).all():
+                turn = np.degrees(np.arctan2(down[1], down[0]))
+                axes.text(0.5, 1.02, "gravity ", transform=axes.transAxes, ha="right", color="0.3")
+                axes.text(0.52, 1.035, "\u279c", transform=axes.transAxes, rotation=turn, color="0.3", fontsize=14,
+                          ha="center", va="center", rotation_mode="anchor")  # fmt: skip
 
     def _prepare_water(self):
         """What `show` fills with the water table, in two dimensions, and with the level of free water; or None."""
@@ -236,16 +256,32 @@ class PointPicture:
 
 
 def faces_and_lines(obstacles):
-    """Flat faces, and open lines, of obstacles: corners (k, 3) m of each."""
+    """Flat faces, and lines, of obstacles: corners (k, 3) m of each. Lines without end go far beyond pictures."""
     faces, lines = [], []
     for _, kind, corners in obstacles:
         if kind == cells.HEXAHEDRON:
             faces += [corners[list(face)] for face in _FACES]
-        elif kind in (cells.LINE, cells.POLY_LINE):
-            lines.append(corners)
-        else:
+        elif kind not in (cells.LINE, cells.POLY_LINE):
             faces.append(corners)
+        elif (corners[0] != corners[-1]).any():
+            first, last = (corners[a] + _FAR * (corners[a] - corners[b]) for a, b in ((0, 1), (-1, -2)))
+            lines.append(np.concatenate([[first], corners, [last]]))
+        else:  # clockwise it encloses the obstacle, else the soil
+            x, y = corners[:, 0], corners[:, 1]
+            (faces if (x[:-1] * y[1:] - x[1:] * y[:-1]).sum() < 0.0 else lines).append(corners)
     return faces, lines
+
+
+def between(points, reach):
+    """Triangles (m, 3) between points (n, 2) m whose sides are at most `reach` m long: numbers of the points."""
+    from matplotlib.tri import Triangulation
+
+    try:
+        triangles = Triangulation(*points.T).triangles
+    except (RuntimeError, ValueError):  # fewer than three points, or all on one line
+        return np.empty((0, 3), int)
+    sides = points[triangles] - points[np.roll(triangles, 1, axis=1)]
+    return triangles[((sides**2).sum(axis=2) <= reach**2).all(axis=1)]
 
 
 def extent_of(results, outputs):

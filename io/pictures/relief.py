@@ -5,6 +5,7 @@ import numpy as np
 _DARK, _LIGHT = 0.45, 1.0  # grey of a slope in its own shadow, and of one that faces the light
 _STEEPER = 1.5  # times as steep as it is, so that gentle forms show
 _CONTOURS = 12
+_LABELLED = 4  # corners of a contour in view, beyond which it has a label
 
 
 class Relief:
@@ -45,7 +46,8 @@ class Relief:
         limits = axes.axis()
         lines = axes.tricontour(plan, points[:, self._up], levels=_CONTOURS, colors="0.35", linewidths=0.5, zorder=0.5)
         axes.axis(limits)
-        return [mesh, lines, *axes.clabel(lines, fontsize=7, fmt="%g")]
+        low, high = np.reshape(limits, (2, 2)).T
+        return [mesh, lines, *axes.clabel(lines, fontsize=7, fmt="%g", manual=_middles(lines, low, high))]
 
     def _brightness(self, points, triangles):
         """Grey (n,) of each corner: that of the mean normal of what meets there."""
@@ -59,6 +61,17 @@ class Relief:
         level = [axis for axis in range(3) if axis != self._up]
         light[level] = [-0.5, 0.5]
         return _DARK + (_LIGHT - _DARK) * np.clip(mean @ light, 0.0, 1.0)
+
+
+def _middles(lines, low, high):
+    """Places for labels: the middle of the longest part that each contour has between two corners (2,) of the view."""
+    places = []
+    for segments in lines.allsegs:
+        inside = [s[((s > low) & (s < high)).all(axis=1)] for s in segments]
+        longest = max(inside, key=len, default=np.empty((0, 2)))
+        if len(longest) > _LABELLED:
+            places.append(tuple(longest[len(longest) // 2]))
+    return places
 
 
 def grounds_of(results):

@@ -60,7 +60,7 @@ def plot_section(results, path, start, end, step: int = -1, field: str | None = 
     height = np.concatenate([position[near, up], seen.ravel()])
     with matplotlib.rc_context(STYLE):
         tall = np.ptp(height) + 4.0 * spacing
-        figure = Figure(figsize=(9.0, min(max(8.0 * tall / length, 1.2), 8.0) + 1.6), layout="constrained")
+        figure = Figure(figsize=(9.0, min(max(8.2 * tall / length, 1.2), 8.0) + 2.4), layout="constrained")
         axes = figure.subplots()
         points = EllipseCollection(
             [spacing], [spacing], [0.0], units="xy", offsets=np.column_stack([way[near], position[near, up]]),
@@ -73,8 +73,8 @@ def plot_section(results, path, start, end, step: int = -1, field: str | None = 
         axes.set(xlim=(0.0, length), ylim=(height.min() - 2.0 * spacing, height.max() + 2.0 * spacing), aspect="equal",
                  xlabel="along the section [m]", ylabel=f"{'xyz'[up]} [m]")  # fmt: skip
         axes.set_title(f"t = {results.times[number]:.4g} s", loc="left", color="0.2")
-        figure.colorbar(points, ax=axes, orientation="horizontal", label=label, shrink=0.7)
-        figure.savefig(path)
+        figure.colorbar(points, ax=axes, orientation="horizontal", label=label, shrink=0.7, aspect=40)
+        figure.savefig(path, bbox_inches="tight")
     return int(near.sum())
 
 

@@ -1,6 +1,7 @@
 """Histories from files: tables of times and values, and records of ground motion."""
 
 import csv
+import math
 import re
 from pathlib import Path
 
@@ -23,11 +24,17 @@ def read_record(path: Path) -> tuple[list[float], list[float]]:
         raise ValueError("the file is not text") from None
     match path.suffix.lower():
         case ".csv":
-            return _from_csv(text)
+            times, values = _from_csv(text)
         case ".at2":
-            return _from_at2(text)
+            times, values = _from_at2(text)
         case other:
             raise ValueError(f"unknown kind of file '{other}'; allowed: .csv, .at2")
+    if not times:
+        raise ValueError("it holds no times and values")
+    for number, (time, value) in enumerate(zip(times, values, strict=True), 1):
+        if not (math.isfinite(time) and math.isfinite(value)):
+            raise ValueError(f"value {number}, {value:g} at {time:g} s, is not a finite number")
+    return times, values
 
 
 def _from_csv(text: str) -> tuple[list[float], list[float]]:

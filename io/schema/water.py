@@ -174,6 +174,7 @@ class PoreWater(SceneModel):
     free_water: FreeWater | None = key("water outside; default none", default=None)
     bulk_modulus: Real = key("bulk modulus of the water", "Pa", default=2.2e9, ge=1e3, le=1e12)
     water_density: Real = key("density of the water", "kg/m^3", default=1000.0, ge=1, le=1e5)
+    report_work: Flag = key("tell the ledger what the soil's change of volume does on the water", default=False)
     frozen: Flag = key("keep saturation and mass of drained water as they are at the start", default=False)
 
     @model_validator(mode="after")

@@ -1,5 +1,8 @@
 """The benchmark of collapsing cylinders with few points: stopped, resumed, measured, skipped when finished."""
 
+import numpy as np
+import pytest
+
 from benchmarks import axisymmetric_collapse as benchmark
 from benchmarks.library import runs
 
@@ -28,6 +31,15 @@ def test_rings_collapse_like_the_quarter(tmp_path):
     assert m["points"] == 81 and m["kinetic"] < 1e-5
     assert 0.9 < m["run-out"] <= m["outermost"] < 1.3  # of finer rings 1.22; Lube et al. (2004): 1.24
     assert 0.55 < m["height"] < 0.8
+    assert m["run-out of 95 %"] == pytest.approx(1.13, rel=0.15)  # of quarters and of finer rings
+    assert m["cone"] == pytest.approx(0.693, rel=0.05)  # the limit of quarters: their coarse ones are lower
+
+
+def test_the_cone_of_the_inner_soil():
+    """A cone of slope .5 and height .7, which ends in a disc beyond .8, as rings and as points of a quarter."""
+    r = (np.arange(2000) + 0.5) / 2000
+    height = 0.7 - 0.5 * np.minimum(r, 0.8)
+    assert benchmark._cone(r, 2.0 * r * height / 2000) == pytest.approx(0.7, rel=1e-5)
 
 
 def test_the_parameters_of_a_variant():

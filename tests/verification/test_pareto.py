@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks import pareto
+from benchmarks.library import problems
 from periporo.io.schema.scene import SceneInput
 
 
@@ -53,8 +54,23 @@ def test_a_sweep_is_written_read_and_drawn(tmp_path, monkeypatch):
     assert (tmp_path / "pareto.png").stat().st_size > 10_000
 
 
-def test_errors_of_waves_and_deposits():
-    assert 0.02 < pareto.wave_error(10, pareto.Choice("bond_projected")) < 0.06
-    assert pareto.wave_error(10, pareto.DEFAULT) < 0.006
+def test_errors_of_problems():
+    assert 0.02 < problems.wave_error(10, pareto.Choice("bond_projected")) < 0.06
+    assert problems.wave_error(10, pareto.DEFAULT) < 0.006
     one = np.stack([np.linspace(0.0, 2.0, 200), np.linspace(0.0, 1.0, 200)])
-    assert pareto.distance(one, one + np.array([[0.3], [0.4]])) == pytest.approx(0.5)
+    assert problems.distance(one, one + np.array([[0.3], [0.4]])) == pytest.approx(0.5)
+    true, locked = (problems.footing_error(8, c) for c in (pareto.DEFAULT, pareto.Choice("bond_projected")))
+    assert true < 0.06 and locked > 0.2
+
+
+def test_what_takes_long_is_run_by_all_schemes_and_around_the_default():
+    plan = pareto.flow_plan((10, 14), 20)
+    assert {c.scheme for n, c in plan if n == 10} == set(pareto.SCHEMES)
+    assert sum(c == pareto.DEFAULT for _, c in plan) == 3 and (20, pareto.Choice("sub_horizon")) not in plan
+    assert {c.m for _, c in plan} == {1.8, 2.2, 3.0} and len(plan) == len(set(plan))
+
+
+def test_where_nothing_flows_the_default_stands_for_what_is_not_regular():
+    uneven = pareto.Choice(pareto.UNEVEN)
+    assert pareto.twin(uneven, "V7") == pareto.DEFAULT and pareto.twin(uneven, "footing") == uneven
+    assert set(pareto.PROBLEMS) > set(pareto.ELASTIC)

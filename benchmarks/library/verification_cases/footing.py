@@ -6,7 +6,9 @@ is the undrained strength as in Tresca's criterion. The footing is a row of poin
 load is the force that the soil opposes to it, over its width, which is that of the points' cells.
 
 In W8 the clay is a skeleton with friction and without cohesion or dilation, and its pores are full of water that cannot
-leave. Suction holds it together, p' = s at no total stress; at constant volume p' stays, so that c = s sin(phi).
+leave. Suction holds it together, p' = s at no total stress; at constant volume p' stays, so that c = s sin(phi). Total
+stress is run with the bulk modulus of V20, and with that of the skeleton and its water, by which it is as hard to
+compress: points that resist a change of volume more carry more, the more the fewer they are.
 """
 
 import numpy as np
@@ -29,6 +31,7 @@ WATER = {  # 200 times as stiff as the shear modulus: p' rises by .003 of the to
     "pore_water": {"suction": SUCTION, "drainage": "undrained", "porosity": PORES, "bulk_modulus": 200 * PORES * SHEAR},
     "initial_stress": {"type": "uniform", "components": dict.fromkeys(("xx", "yy", "zz"), -SUCTION)},
 }  # fmt: skip
+STIFF = SKELETON["bulk_modulus"] + 200.0 * SHEAR
 OTHERS = (  # whose bonds expand as their points do, and whose bonds insist on their own volume, which locks
     ("bond_projected, dilatation: points", {"scheme": "bond_projected", "dilatation": "points"}),
     ("dilatation: bond", "bond_projected"),
@@ -123,18 +126,26 @@ def _unevenness(sim):
     return unevenness(sim, free)
 
 
+def _beyond(load, other):
+    """Error of a load beyond that of another, relative."""
+    return (abs(load - EXACT) - abs(other - EXACT)) / EXACT
+
+
 def undrained_footing(full=False, scheme=DEFAULT):
     """W8: strip footing on a saturated skeleton with friction, load at failure over s sin(phi) and width: 2 + pi."""
     figures = []
     for n in (12, 24, 48) if full else (8,):
         dry = plateau(*load_curve(n, scheme))[0]
+        stiff = plateau(*load_curve(n, scheme, material=CLAY | {"bulk_modulus": STIFF}))[0]
         settled, load, noise = load_curve(n, scheme, material=SKELETON, look=_unevenness, **WATER)
         wet, rise = plateau(settled, load)
         figures += [
             Figure(f"total stress, {n} points under it (5.1416)", dry),
+            Figure(f"total stress, as hard to compress, {n} points", stiff),
             Figure(f"effective stress and water, {n} points", wet),
-            Figure("its error beyond that of total stress, relative", (abs(wet - EXACT) - abs(dry - EXACT)) / EXACT,
+            Figure("its error beyond that of total stress, relative", _beyond(wet, dry),
                    at_most={48: 0.03, 8: 0.12}.get(n)),
+            Figure("beyond that of total stress as hard to compress", _beyond(wet, stiff), at_most=0.03),
             Figure("rise in the last half of the settlement, relative", rise, at_most=0.03),
             Figure("unevenness of the pressure at last, over the load", (noise / (load * COHESION))[-1], at_most=0.05),
         ]  # fmt: skip

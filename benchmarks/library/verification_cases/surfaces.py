@@ -173,7 +173,7 @@ def strip_load(full=False, scheme=DEFAULT):
     ]
 
 
-def _pushed_down(points, scheme, settlement=0.01, wider=0.0):
+def pushed_down(points, scheme, settlement=0.01, wider=0.0, **keys):
     """Load, over c and its width, of a smooth box of 2 m and `wider` spacings on either side, at a `settlement`, m."""
     half_width, half_length, depth, speed = 1.0, 3.5, 2.0, 0.024
     spacing = 2.0 * half_width / points
@@ -186,7 +186,7 @@ def _pushed_down(points, scheme, settlement=0.01, wider=0.0):
         contacts=[{"type": "box", "lower": [-half_width, depth], "upper": [half_width, depth + 1.0], "friction": 0.0,
                    "velocity": [0.0, -speed]}],
         stages=[{"name": "push", "type": "dynamics", "duration": settlement / speed,
-                 "boundaries": ["base", "sides", "other side"]}],
+                 "boundaries": ["base", "sides", "other side"]}], **keys,
     )  # fmt: skip
     sim.start()
     record = Recorder(lambda s: -owned(s, "contact_force")[:, 1].sum() / (2.0 * half_width * COHESION), 10)
@@ -201,11 +201,11 @@ def pushed_footing(full=False, scheme=DEFAULT):
     limits = {16: 0.10, 24: 0.07, 48: 0.05}
     figures = []
     for points in (16, 24, 48) if full else (16,):
-        load = _pushed_down(points, scheme, 0.01 if full else 0.006)
+        load = pushed_down(points, scheme, 0.01 if full else 0.006)
         figures.append(Figure(f"{points} points under it (5.1416)", load))
         figures.append(Figure(f"{points} points, relative error", abs(load / EXACT - 1.0), at_most=limits[points]))
     for wider in (0.25, 0.5, 0.75) if full else ():
-        load = _pushed_down(16, scheme, wider=wider)
+        load = pushed_down(16, scheme, wider=wider)
         figures.append(
             Figure(f"{16 + 2 * wider:g} points under it, relative error", abs(load / EXACT - 1.0), at_most=0.1)
         )

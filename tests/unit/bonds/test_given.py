@@ -71,7 +71,7 @@ def test_rows_of_a_run_are_told_how_they_move(curious, dimension, scheme):
     rows = np.flatnonzero(block.active)
     state = block.state[rows]
     np.testing.assert_allclose(state[:, 0], sim.time, rtol=1e-14)
-    first, second = sim.bonds._ends(block, rows)
+    first, second = sim.bonds.ends(block, rows)
     np.testing.assert_array_equal(state[:, 1 : 1 + dimension], 0.5 * (p.position[first] + p.position[second]))
     assert not state[:, 1 + dimension : 4].any()
     gradient, turned = of_rows(state, DEFORMATION_GRADIENT.name), of_rows(state, "turned")

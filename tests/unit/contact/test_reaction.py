@@ -5,6 +5,7 @@ import pytest
 from mpi4py import MPI
 
 from periporo.core.scene.build import build
+from periporo.core.watch.reactions import Reactions
 from periporo.io.input.load import parse_scene
 
 G = 9.81
@@ -63,6 +64,27 @@ def test_impulses_are_what_the_soil_has_gained_and_work_is_booked():
     assert last["paddle_spin"] == pytest.approx(np.radians(100.0), rel=0.02)
     force = np.hypot(last["wall_force_x"], last["wall_force_y"])
     assert max(h["wall_peak_force"] for _, h in seen) >= (1.0 - 1e-12) * force
+
+
+def test_only_obstacles_that_points_are_near_are_added_up():
+    """A block bounces from one wall to another, past a third that it never meets."""
+    near, wall = [], {"type": "box", "friction": 0.0}
+    walls = [wall | {"name": name, "lower": [x, y], "upper": [x + 0.5, y + 1.0]}
+             for name, x, y in (("left", -0.5, -0.2), ("right", 1.6, -0.2), ("far", 0.0, 3.0))]  # fmt: skip
+
+    def watch(sim):
+        (reactions,) = (o for o in sim.observers if isinstance(o, Reactions))
+        near.append([o.reaction.name for o in reactions._near[1]])
+
+    bodies = [{"name": "block", "material": "soil", "velocity": [-5.0, 0.0],
+               "shape": {"type": "box", "lower": [0.0, 0.0], "upper": [1.0, 0.5]}}]  # fmt: skip
+    sim = started(walls, stage={"duration": 0.2}, watch=watch, bodies=bodies, gravity=[0.0, 0.0])
+    now, p = told(sim), sim.particles
+    assert {tuple(names) for names in near} >= {("left",), ("right",)} and "far" not in sum(near, [])
+    momentum = (p.mass * (p.velocity[: p.owned, 0] + 5.0)).sum()
+    assert -now["left_impulse_x"] - now["right_impulse_x"] == pytest.approx(momentum, rel=1e-12)
+    assert now["right_impulse_x"] > 1000.0 and now["left_impulse_x"] < -1000.0 and now["left_force_x"] == 0.0
+    assert now["far_impulse_x"] == now["far_peak_force"] == 0.0
 
 
 def test_torque_of_a_weight_and_forces_of_boundaries():

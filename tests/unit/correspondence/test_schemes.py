@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from periporo.core.bonds.newborn import admit_newborn
 from periporo.core.correspondence.sub_horizon import SubHorizon
 from periporo.core.correspondence.sub_horizon_published import SubHorizonPublished
 from periporo.core.motion.rebuilds import rebuild
@@ -317,7 +318,7 @@ def test_a_newborn_row_takes_the_mean_of_its_two_points(make):
         rows = np.flatnonzero(block.active & (block.first == point))
         weight = sim.bonds.pairs.weight[block.pair[rows]] * p.volume[block.second[rows]]
         means.append(weight @ block.stress[rows] / weight.sum())
-    sim.bonds.admit_newborn(p, np.inf)
+    admit_newborn(sim.bonds, p, np.inf)
     assert block.active[row]
     assert block.stress[row] == pytest.approx(0.5 * (means[0] + means[1]), rel=1e-12)
 

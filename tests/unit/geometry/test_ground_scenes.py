@@ -149,6 +149,20 @@ def test_a_surface_and_soil_in_different_coordinates_are_told(tmp_path):
     assert "around (25, 20, 0) is 4.031e+06 m from the body 'slide' and only 64.03 m large" in problem.message
 
 
+@pytest.mark.parametrize("kind", ["two boxes", "a spike"])
+def test_a_release_surface_that_crosses_itself_is_told_with_the_place(tmp_path, kind):
+    trimesh = pytest.importorskip("trimesh")
+    solid = trimesh.creation.box((6, 6, 6))
+    if kind == "two boxes":
+        solid = trimesh.util.concatenate([solid, solid.copy().apply_translation((3, 3, 3))])
+    else:  # its tip is pushed through to the other side
+        solid = trimesh.creation.icosphere(1, 4.0)
+        solid.vertices[solid.vertices[:, 2].argmax(), 2] -= 16.0
+    solid.apply_translation((20, 20, 60)).export(tmp_path / "m.stl")
+    with pytest.raises(InputError, match=r"(?s)crosses\s+itself\s+around\s+\([0-9.]+, [0-9.]+, [0-9.]+\);\s+mend"):
+        scene_of(tmp_path, bodies=[{"name": "slide", "material": "soil", "shape": {"type": "mesh", "file": "m.stl"}}])
+
+
 def test_heights_are_along_z(tmp_path):
     with pytest.raises(InputError, match=r"(?s)rasters and terrains need gravity against z"):
         scene_of(tmp_path, gravity=[1.0, 0.0, -9.0])

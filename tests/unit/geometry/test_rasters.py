@@ -86,7 +86,12 @@ def test_degrees_are_known_by_their_slopes_or_by_what_lies_beside(tmp_path):
     ("1 2 3\n", "no valid ncols"),
     ("ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\n1 2 3 4", "no cellsize"),
     ("ncols 2\nnrows 2\ncellsize 1\n1 2 3 4", "neither xllcorner nor xllcenter"),
-    ("ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\n1 2 x 4", "below the header"),
+    ("ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\n1 2 x 4", "row 2, column 1 is 'x', not a number"),
+    ("ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\n1 2,5 3 4", "row 1, column 2 is '2,5'"),
+    ("ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1 2\n1 2 3 4", "says 'cellsize 1 2'; a name and one"),
+    ("ncols 2\nnrows 2\nxllcenter 0\nyllcorner 0\ncellsize 1\n1 2 3 4", "which of them holds for both axes"),
+    ("ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\nnodata_value 0\n1 2 3 -32768",
+     "row 2, column 2 is that of no"),
     ("ncols 2\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\n1 inf 3 4", "row 1, column 2 is infinite"),
     ("ncols 1\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 1\n1 3", "needs 2 x 2"),
 ])

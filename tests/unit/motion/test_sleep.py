@@ -54,6 +54,9 @@ def test_a_wave_wakes_what_it_reaches_and_the_ledger_closes():
     feels = 0.9 * LENGTH - WAVE * sim.time  # where the wave has come
     assert asleep[place < feels - 8 * SPACING].all() and not asleep[place > feels].any()
     assert not by_id(sim, p.velocity)[asleep].any()
+    ends = np.concatenate([sim.bonds.pairs.first, sim.bonds.pairs.second])
+    assert p.awake < ends.max() + 1 == p.stirred < p.owned  # sleepers that are far from others stand last
+    assert p.flux[p.awake :].any() and (p.flux[p.awake :] == p.held_flux[p.awake :]).all()
     held = by_id(sim, p.position)[asleep]
     while sim.time < 0.5 * LENGTH / WAVE:
         sim.step()

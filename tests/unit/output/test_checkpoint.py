@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from periporo.core.watch.state import State, StateError, capture, install, memory, point_fields, resume, tables
+from periporo.core.watch.state import State, StateError, capture, for_file, install, point_fields, resume
 from periporo.errors import OutputError
 from periporo.io.output import checkpoint
 from periporo.io.output.background import Background
@@ -15,7 +15,7 @@ from periporo.io.output.background import Background
 
 def write(sim, target, configuration, keep, parts=None):
     background = Background(sim.comm)
-    path = checkpoint.write(background, target, sim.step_number, memory(sim), tables(sim), configuration, keep, parts)
+    path = checkpoint.write(background, target, *for_file(sim), configuration, keep, parts)
     background.settle()
     background.close()
     return path

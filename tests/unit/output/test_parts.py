@@ -45,6 +45,23 @@ def test_parts_read_as_the_file_they_are_joined_to(divided, heap, tmp_path):
     assert sum(rows) == 3 * 50 and max(rows) <= 3 * 13
 
 
+def test_vtk_reads_the_outputs_of_parts_as_those_of_one_file(divided):
+    hdf = pytest.importorskip("vtkmodules.vtkIOHDF")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    reader = hdf.vtkHDFReader()
+    reader.SetFileName(str(divided))
+    reader.UpdateInformation()
+    with open_results(divided) as results:
+        assert reader.GetNumberOfSteps() == len(results) == 3
+        for k in range(3):
+            reader.SetStep(k)
+            reader.Update()
+            grid = reader.GetOutput()
+            assert np.array_equal(vtk_to_numpy(grid.GetPoints().GetData()), results.positions(k))
+            assert np.array_equal(vtk_to_numpy(grid.GetPointData().GetArray("stress")), results.field("stress", step=k))
+
+
 @pytest.mark.parametrize(("spoil", "said"), [
     (lambda part: part.unlink(), "0002.h5 is missing"), (truncated, "0002.h5 is damaged"),
     (shortened, "0002.h5 is damaged"),

@@ -246,10 +246,40 @@ def test_obstacles_are_drawn_and_materials_have_names(tmp_path):
         for step, shift in ((0, 0.0), (1, 0.25)):
             picture.show(step)
             areas, edges = picture.obstacles[0]
-            assert [len(line) for line in edges.get_segments()] == [2, 3] and len(areas.get_paths()) == 1
+            assert [len(line) for line in edges.get_segments()] == [4, 5] and len(areas.get_paths()) == 1
             assert areas.get_paths()[0].vertices[:4] == pytest.approx(square + [shift, 0.0])
         assert [label.get_text() for label in picture.colour_bar.ax.get_xticklabels()] == ["clay", "sand"]
         assert drawing.names_of(results, "body") == ["all"] and drawing.names_of(results, "stress") == []
+
+
+def test_lines_without_end_cross_the_picture_and_closed_ones_are_filled_where_they_are_solid():
+    """A floor is drawn on far beyond its ends; a pile goes round clockwise, a basin the other way."""
+    square = np.array([[0, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 0], [0, 0, 0]], float)
+    floor = square[[0, 3]]
+    outlines = [(0, cells.LINE, floor), (1, cells.POLY_LINE, square), (2, cells.POLY_LINE, square[::-1])]
+    (pile,), (line, basin) = drawing.faces_and_lines(outlines)
+    assert (pile == square).all() and (basin == square[::-1]).all()
+    assert line[0, 0] < -10.0 and line[-1, 0] > 10.0 and not line[:, 1:].any()
+
+
+def test_soil_lies_between_points_that_are_near_each_other():
+    rows = np.stack(np.meshgrid(np.arange(3.0), np.arange(3.0), indexing="ij"), axis=-1).reshape(-1, 2)
+    stretched = rows * [1.4, 1.0]
+    apart = np.concatenate([stretched, stretched + [5.0, 0.0]])
+    corners = apart[drawing.between(apart, 1.75)]
+    (ax, ay), (bx, by) = ((corners[:, k] - corners[:, 0]).T for k in (1, 2))
+    assert 0.5 * np.abs(ax * by - ay * bx).sum() == pytest.approx(2 * 2.8 * 2.0)  # nothing between the two blocks
+    for few in (rows[:1], rows[:2], rows[:3]):
+        assert len(drawing.between(few, 1.75)) == 0
+
+
+@pytest.mark.parametrize("gravity, words", [([0, -9.81], []), ([4.1, -8.9], ["gravity ", "\u279c"])])
+def test_inclined_gravity_is_told(tmp_path, heap, monkeypatch, gravity, words):
+    with open_results(heap(tmp_path / "run.h5")) as results:
+        monkeypatch.setattr(type(results), "configuration", {"spacing": 0.1, "gravity": gravity})
+        texts = drawing.PointPicture(results).axes[0].texts
+        assert [text.get_text() for text in texts] == words
+        assert not words or texts[1].get_rotation() == pytest.approx(np.degrees(np.arctan2(-8.9, 4.1)) % 360.0)
 
 
 def test_faces_of_a_hexahedron_enclose_it():

@@ -1,11 +1,14 @@
 """Division of space on one rank, and the geometry of boxes; tests/mpi divides on several."""
 
+import math
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from mpi4py import MPI
 
 from periporo.core.ranks.domain import bisect, distance
-from periporo.core.ranks.halving import Level
+from periporo.core.ranks.halving import Level, levels
 
 BOX = np.array([[-np.inf, -np.inf], [1.0, 0.5]])
 
@@ -31,3 +34,11 @@ def test_every_rank_of_a_group_is_sent_to_by_one_partner_or_two(first, last):
         assert (level.partner >= level.middle) != level.upper
         receivers = [other.rank for other in group if level.rank in other.sources]
         assert receivers == [level.partner] and len(level.sources) <= 2
+
+
+@pytest.mark.parametrize("ranks", [2, 255, 256, 10_000])
+def test_levels_grow_as_the_logarithm_of_the_ranks(ranks):
+    for rank in {0, 1, ranks // 3, ranks - 1}:
+        halved = levels(SimpleNamespace(rank=rank, size=ranks))
+        assert len(halved) in (math.ceil(math.log2(ranks)), math.floor(math.log2(ranks)))
+        assert max(len(level.sources) for level in halved) <= 2

@@ -22,6 +22,8 @@ def test_records_of_the_peer_database_become_metres(tmp_path, head):
     ("a.at2", AT2.format("NPTS= 4, DT= .005"), "promises 4 values, it has 3"),
     ("a.at2", "one line", "does not say NPTS= and DT="),
     ("a.txt", "0,1", "unknown kind of file '.txt'"),
+    ("a.csv", "time,value\n", "holds no times and values"),
+    ("a.csv", "0,1\n0.5,nan\n1,2\n", "value 2, nan at 0.5 s, is not a finite number"),
 ])
 def test_files_that_are_no_records_are_refused(tmp_path, name, text, reason):
     (tmp_path / name).write_text(text)

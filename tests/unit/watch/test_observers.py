@@ -107,7 +107,7 @@ def test_histories_hold_the_figures_of_the_motion(flight):
     flight.observers = [history := observers.HistoryObserver(book, 4)]
     flight.run()
     assert [row["step"] for row in book.rows] == [0, 4, 8, 10, 12, 15]
-    figures = set(observers.HistoryObserver.UNITS) - {"plastic_dissipation"}  # which no law here reports
+    figures = set(observers.HistoryObserver.UNITS) - {"plastic_dissipation", "water_work"}  # which nothing here reports
     assert set(book.rows[0]) == {"step", *figures}
     last = book.rows[-1]
     assert last == history.latest

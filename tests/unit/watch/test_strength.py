@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from periporo import Simulation
-from periporo.core.watch.state import State, capture, install, resume, to_keep
+from periporo.core.watch.state import State, capture, for_file, install, resume
 from periporo.core.watch.strength import StabilityError
 from periporo.errors import InputError
 from periporo.materials.cam_clay import CamClay
@@ -75,7 +75,7 @@ def stopped(sim):
     sim.call_every(1, kill)
     with pytest.raises(Stopped):
         sim.run()
-    return to_keep(sim)
+    return for_file(sim)
 
 
 def test_a_search_that_is_stopped_goes_on_from_the_beginning_of_its_trial_with_the_same_bits():

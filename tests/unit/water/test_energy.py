@@ -65,3 +65,41 @@ def test_steady_flow_takes_what_its_heads_give(scene_of, started):
     taken = after["flow_dissipation"] - before["flow_dissipation"]
     assert passed > 0.0 and taken == pytest.approx(GAMMA * passed * 0.4, rel=1e-3)
     assert after["water_energy"] == pytest.approx(before["water_energy"], rel=1e-3)
+
+
+def ringing(scene_of, started, step, steps, **water):
+    """A free square of full pores after `steps` from a start at which it is squeezed evenly."""
+    pores = {"suction": 0, "drainage": "undrained", "porosity": PORES, "bulk_modulus": BULK, "report_work": True}
+    sim = started(scene_of(counts=(8, 8), materials=SAND, contacts=[], gravity=None, pore_water=pores | water,
+                           time_step={"fixed": step}))  # fmt: skip
+    p = sim.particles
+    p.velocity[:] = (p.position - p.position.mean(axis=0)) * [-60.0, -30.0]
+    for _ in range(steps):
+        sim.step()
+    return sim
+
+
+def test_work_on_shut_in_water_is_what_it_stores(scene_of, started):
+    """But for the volume of rows, which is that of gradients that are not sharpened; to second order in the step."""
+    work = []
+    for step, steps in ((4e-6, 20), (2e-6, 40), (1e-6, 80)):
+        sim = ringing(scene_of, started, step, steps)
+        process = next(part for part in sim.point_processes if hasattr(part, "energies"))
+        stored = process.histories()["water_energy"]
+        work.append(sim.ledger.entries()["water_work"])
+        assert work[-1] == pytest.approx(stored, rel=2e-3) and stored > 0.01
+    coarse, middle, fine = work
+    assert abs((coarse - middle) / (middle - fine)) == pytest.approx(4.0, rel=0.3)
+
+
+def test_work_on_water_and_soil_is_the_internal_work(scene_of, started):
+    """Under a constant suction: the stress of elastic soil tells what it stores, and the links hold little."""
+    sim = ringing(scene_of, started, 1e-6, 60, drainage="drained", suction=5e4)
+    p, entries, (block,) = sim.particles, sim.ledger.entries(), sim.bonds.blocks
+    mean = block.stress[:, :3].mean(axis=1)
+    deviator = block.stress[:, :3] - mean[:, None]
+    shear = (deviator**2).sum(axis=1) + 2.0 * block.stress[:, 3] ** 2
+    stored = ((0.5 * mean**2 / 25e6 + 0.25 * shear / 15e6) * p.volume[: p.owned] * p.share[: p.owned, 2]).sum()
+    assert entries["internal_energy"] - entries["water_work"] == pytest.approx(stored, rel=0.02)
+    assert abs(entries["water_work"]) > 0.2 * stored
+    assert "water_work" not in started(scene_of()).ledger.entries()

@@ -11,7 +11,7 @@ from periporo.io.input.load import parse_scene
 
 SAND = {"model": "elastic", "density": 1590.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
 GAMMA, SPEED, H = 9810.0, 1e-3, 0.01
-EDGES = {2: 0.02, 3: 0.13}
+EDGES = {2: 0.002, 3: 0.03}
 """What the area of a face with edges all around may be wrong by, of a few points."""
 FLOWING = {"suction": 0, "drainage": "flowing", "porosity": 0.4, "bulk_modulus": 1e6, "conductivity": SPEED}
 
