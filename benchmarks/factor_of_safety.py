@@ -5,8 +5,8 @@
 *slope*: 26.57 degrees (1:2) on a firm base, friction 20 degrees, cohesion .05 of gamma H: 1.376 by Bishop's slices
 (1955).
 *layer*: a layer of sand of 30 degrees without end, which repeats along the slope of 20 degrees, with flow that is
-associated: tan(30)/tan(20) = 1.586. Points that are kept `regular` flow at constant volume: f with sin(phi(f)) =
-tan(20), tan(phi(f)) = tan(30)/f, which is 1.477 (Davis 1968).
+associated: tan(30)/tan(20) = 1.586. One that does not dilate has f with sin(phi(f)) = tan(20), tan(phi(f)) =
+tan(30)/f, which is 1.477 (Davis 1968).
 *cut*: a vertical cut in clay without drainage, as V21, with gamma H/c = 2.5: 3.776/2.5 = 1.510 (Martin 2011).
 
 Found are the middle of the bracket, which is 2 % wide, over the exact one. `--points` are those of the height.

@@ -58,6 +58,11 @@ class DruckerPrager(MaterialParameters):
 
     exchanges_stress: ClassVar[bool] = True  # stress is all that it remembers
 
+    @property
+    def dilatancy(self) -> float:
+        """Plastic volumetric strain over plastic shear strain, about: tan(psi)."""
+        return math.tan(math.radians(self.dilation_angle))
+
     @model_validator(mode="after")
     def _possible_strength(self):
         if self.cohesion == 0 and self.friction_angle == 0:

@@ -148,6 +148,11 @@ class MohrCoulomb(MaterialParameters):
         return not self.remembers
 
     @property
+    def dilatancy(self) -> float:
+        """Plastic volumetric strain over plastic shear strain, about: tan(psi), the largest."""
+        return math.tan(math.radians(extremes(self.dilation_angle)[1]))
+
+    @property
     def state_fields(self) -> tuple[StateField, ...]:
         """`dissipation` if reported, `plastic_shear` if the strength follows it, its part that counts, and `opened`."""
         wanted = (

@@ -13,7 +13,9 @@ to the *activity* a of the points, a running mean of the part of the trial stres
 - **Exchange** of stress and of opened volume between neighbours of one material, which takes their differences away
   (diffusion of pressure, Molteni & Colagrossi 2009; of stress, Feng et al. 2021). Sums over the points are kept, an
   average of admissible stresses is admissible, and elastic energy only falls. Only laws that say `exchanges_stress`
-  take part: stress is all that they remember. A law that hardens would be strained by what it is given.
+  take part: stress is all that they remember. A law that hardens would be strained by what it is given. The weight of
+  what lies above is carried upwards with the rest, and expands the surface in place of the soil that dilates; so soil
+  with a `dilatancy` exchanges no faster than its own flow makes stress uneven.
 - **Bulk viscosity**, q = VISCOSITY rho c l (tr L less its mean over the neighbours) with the size l (von Neumann &
   Richtmyer 1950; Monaghan 1992), which takes sound from the grid's scale and does not feel an even change of volume.
 
@@ -32,6 +34,8 @@ from periporo.core.points.particles import Field, tensor, vector
 EXCHANGE = 1.8  # part of a difference that the exchange takes away, per Courant number
 MOST_EXCHANGED = 0.9  # of a difference, in one step
 SHEAR_SHARE = 0.3  # of the exchange for the deviator
+CLEARED = 4.0  # K times the uneven volumetric strain of a step, over dilatancy and stress: largest part exchanged
+SHEAR_MAKES = 0.05  # uneven volumetric strain that counts as made by a shear strain of 1, beside what gradients see
 VISCOSITY = 0.2  # of rho c l
 MEMORY = 0.075  # of the activity, per Courant number
 QUIET = 1e-6  # activity that counts as none
@@ -41,7 +45,7 @@ _BELOW = 1.0 - 1e-9  # so that rounding takes no pair away
 REARRANGED = 6.0  # part of the overlap that a shear strain of 1 takes away
 MOST_REARRANGED = 0.01  # of an overlap, in one step
 
-SIGNED, ACTIVITY, SIZE, MOVED, PART = range(5)  # columns of the field `flow`
+SIGNED, ACTIVITY, SIZE, MOVED, PART, MADE, BORNE = range(7)  # columns of the field `flow`
 _MEAN, _STRESS = 1, 2  # first columns of the points' scratch `sums` that an exchange uses; their W stays
 _VISCOUS, _EXCHANGED, _REARRANGED = range(3)  # columns of the field `flow_work`
 
@@ -49,7 +53,7 @@ _VISCOUS, _EXCHANGED, _REARRANGED = range(3)  # columns of the field `flow_work`
 def fields(dimension: int, components: int) -> tuple[Field, ...]:
     """What points need for it."""
     return (
-        Field("flow", 5, "Pa, 1, m, 1, 1"),
+        Field("flow", 7, "Pa, 1, m, 1, 1, Pa, Pa"),
         Field("flow_stress", components, "Pa", migrates=False, axes=tensor(dimension)),
         Field("rearrangement", dimension, "m", axes=vector(dimension)),
         Field("exchanged_strain", None, "1", sent=False),
@@ -65,9 +69,9 @@ def describe(block, bulk, p, dt: float, viscous: bool) -> None:
     """
     part = EXCHANGE if block.exchanges else 0.0
     _describe(
-        block.first, block.active, dt, part, VISCOSITY if viscous else 0.0, block.opening.column, block.stress,
-        block.state, bulk, p.uneven_rate, p.link, p.mass, p.volume, p.share, p.gradient, p.activity, p.flowed,
-        p.viscous_stress, p.position, p.widths(), p.flow, p.flow_stress, p.flow_work, p.dim,
+        block.first, block.active, dt, part, block.dilatancy, VISCOSITY if viscous else 0.0, block.opening.column,
+        block.stress, block.state, bulk, p.uneven_rate, p.link, p.mass, p.volume, p.share, p.gradient, p.activity,
+        p.flowed, p.viscous_stress, p.position, p.widths(), p.flow, p.flow_stress, p.flow_work, p.dim,
     )  # fmt: skip
 
 
@@ -152,8 +156,8 @@ def _measures(i, modulus, mass, volume, share, position, width, dim):
 
 @kernel
 def _describe(
-    point, active, dt, exchanged, viscosity, column, stress, state, bulk, uneven_rate, link, mass, volume, share,
-    gradient, activity, flowed, viscous, position, width, flow, flow_stress, work, dim,
+    point, active, dt, exchanged, dilatancy, viscosity, column, stress, state, bulk, uneven_rate, link, mass, volume,
+    share, gradient, activity, flowed, viscous, position, width, flow, flow_stress, work, dim,
 ):  # fmt: skip
     for r in range(point.shape[0]):
         i = point[r]
@@ -168,8 +172,10 @@ def _describe(
         activity[i] += min(MEMORY * courant, 1.0) * (lost / (lost + SENSITIVITY * link[i, 1]) - activity[i])
         if activity[i] < QUIET:
             activity[i] = 0.0
+        square = 0.0
         for c in range(stress.shape[1]):
             flow_stress[i, c] = stress[r, c]
+            square += stress[r, c] ** 2 if c < 3 else 2.0 * stress[r, c] ** 2
         flow[i, SIGNED] = (stress[r, 0] + stress[r, 1] + stress[r, 2]) / 3.0 + bulk[r] * state[r, column]
         flow[i, ACTIVITY] = activity[i]
         flow[i, SIZE] = size
@@ -177,6 +183,8 @@ def _describe(
         flowed[i] += activity[i] * rate * dt
         flow[i, MOVED] = min(REARRANGED * dt * activity[i] * rate, MOST_REARRANGED)
         flow[i, PART] = min(exchanged * courant, MOST_EXCHANGED)
+        flow[i, MADE] = CLEARED * bulk[r] * dt * (abs(uneven_rate[i]) + SHEAR_MAKES * rate)
+        flow[i, BORNE] = dilatancy * np.sqrt(square / 3.0)
         q = viscosity * activity[i] * density * speed * size * uneven_rate[i]
         viscous[i] = q
         work[i, _VISCOUS] += q * uneven_rate[i] * dt * volume[i] * share[i, 2]
@@ -225,7 +233,8 @@ def _exchange(
         if c == 0.0:
             continue
         if gives:
-            k = 0.5 * a * c * part
+            made, borne = flow[i, MADE] + flow[j, MADE], flow[i, BORNE] + flow[j, BORNE]
+            k = 0.5 * a * c * part if a * part * borne <= made else 0.5 * c * made / borne
             p_i, p_j = flow[i, SIGNED], flow[j, SIGNED]
             change = k * (min(p_j, max(-p_i, 0.0)) - min(p_i, max(-p_j, 0.0)))
             sums[i, _MEAN] += change
