@@ -18,7 +18,7 @@ class Reactions(Observer):
         self.obstacles = list(obstacles)
         self.touching = touching
         self._present: tuple = None, []  # contacts of the stage, and the obstacles among them
-        self._near: tuple = None, []  # when neighbours were found, and the obstacles that points are near
+        self._near: tuple = None, []  # point ids for which neighbours were found, and the obstacles that they are near
 
     def start_stage(self, sim, stage) -> None:
         """The forces with which the stage begins; none on what is not there."""
@@ -43,8 +43,8 @@ class Reactions(Observer):
             for obstacle in self.obstacles:
                 if obstacle not in self._present[1]:
                     obstacle.reaction.vanish()
-        if self._near[0] != sim.rebuild_count:
-            self._near = sim.rebuild_count, self._found(sim)
+        if self._near[0] is not sim.particles.id:  # found anew, or put back to where they were
+            self._near = sim.particles.id, self._found(sim)
         near = self._near[1]
         if near:
             sums = exact_sums(sim.comm, [o.reaction.rows for o in near])
