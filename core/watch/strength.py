@@ -68,11 +68,11 @@ class StrengthReductionStage(Stage):
 
     def _take_start(self, sim):
         """Remember with what the trials begin."""
-        self._laws = [block.material for block in sim.bonds.blocks]
+        self._laws = self._laws or [block.material for block in sim.bonds.blocks]  # before any is weakened
         self._start = self.begun_with = capture(sim)
 
     def _is_over(self, sim) -> bool:
-        if self._recalled and self._start is None:  # resumed at the beginning of a trial
+        if self._recalled and self.begun_with is None:  # resumed at the beginning of a trial, or taken back to there
             self._take_start(sim)
             self._set_off(sim)
         elif self._recalled:  # by the watchdog, perhaps to the trial before

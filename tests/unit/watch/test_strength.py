@@ -87,6 +87,9 @@ def test_a_search_that_is_stopped_goes_on_from_the_beginning_of_its_trial_with_t
     assert memory["stage"]["falls"] == parts.stages[0].falls < np.inf
     again = block()
     resume(again, State.of_tables(points, rows, memory))
+    kept = capture(again)
+    assert again.stages[0]._is_over(again) is False
+    install(again, kept)  # as the watchdog takes it back before it has kept another state
     again.run(resumed=True)
     assert again.stages[0].safety == whole.stages[0].safety and again.step_number == whole.step_number
     assert np.array_equal(again.particles.position, whole.particles.position)
