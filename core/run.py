@@ -210,8 +210,9 @@ def _keeper(scene, target, writer, walltime, signals, message, began):
     def write(sim):
         writer.sync()
         configuration = _fingerprint(scene) if sim.comm.rank == 0 else ""  # which alone writes it
-        parts = chosen.keep, scene.output.parts
-        return checkpoint.write(writer.background, target, *for_file(sim), configuration, *parts)
+        return checkpoint.write(
+            writer.background, target, *for_file(sim), configuration, chosen.keep, scene.output.parts
+        )
 
     interval = None if scene.checkpoint is None else chosen.interval
     return Keeper(write, signals, writer.background, interval=interval, walltime=walltime, message=message, began=began)

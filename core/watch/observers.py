@@ -115,8 +115,7 @@ class HistoryObserver(Observer):
         "time": "s", "dt": "s", "kinetic_energy": "J", "internal_energy": "J", "external_work": "J",
         "contact_energy": "J", "friction_dissipation": "J", "damping_dissipation": "J", "prescribed_work": "J",
         "integration_term": "J", "plastic_dissipation": "J", "water_work": "J",
-        "energy_residual": "J",
-        "max_speed": "m/s", "front": "m", "height": "m",
+        "energy_residual": "J", "max_speed": "m/s", "front": "m", "height": "m",
     }  # fmt: skip
 
     def __init__(self, writer, interval: int, probes=None):

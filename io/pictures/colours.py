@@ -6,7 +6,6 @@ from periporo.core.numerics import tensors
 from periporo.io.output.results import ResultError
 
 DEFAULT_FIELD = "equivalent_shear_strain"
-_AXES = "xyz"
 
 
 def choose_field(results, name=None):
@@ -24,7 +23,7 @@ def colour_values(results, name, step=-1):
     """
     base, _, component = name.partition(".")
     if base == "displacement" and base not in results.fields:
-        rows, components, unit = _displacement(results, step), tuple(_AXES), "m"
+        rows, components, unit = _displacement(results, step), tensors.VECTOR, "m"
     else:
         rows, components, unit = results.field(base, step), results.components(base), results.unit(base)
     if component:
