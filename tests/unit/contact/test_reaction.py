@@ -1,11 +1,14 @@
 """What obstacles and boundaries bear: in balance with the momentum and the energy of the soil; free bodies."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from mpi4py import MPI
 
 from periporo.core.scene.build import build
 from periporo.core.watch.reactions import Reactions
+from periporo.core.watch.state import capture, install, memory
 from periporo.io.input.load import parse_scene
 
 G = 9.81
@@ -67,14 +70,16 @@ def test_impulses_are_what_the_soil_has_gained_and_work_is_booked():
 
 
 def test_only_obstacles_that_points_are_near_are_added_up():
-    """A block bounces from one wall to another, past a third that it never meets."""
-    near, wall = [], {"type": "box", "friction": 0.0}
+    """A block bounces from one wall to another, past a third that it never meets; then it is put back to the first."""
+    near, kept, wall = [], [], {"type": "box", "friction": 0.0}
     walls = [wall | {"name": name, "lower": [x, y], "upper": [x + 0.5, y + 1.0]}
              for name, x, y in (("left", -0.5, -0.2), ("right", 1.6, -0.2), ("far", 0.0, 3.0))]  # fmt: skip
 
     def watch(sim):
         (reactions,) = (o for o in sim.observers if isinstance(o, Reactions))
         near.append([o.reaction.name for o in reactions._near[1]])
+        if not kept:
+            kept.append(capture(sim))
 
     bodies = [{"name": "block", "material": "soil", "velocity": [-5.0, 0.0],
                "shape": {"type": "box", "lower": [0.0, 0.0], "upper": [1.0, 0.5]}}]  # fmt: skip
@@ -85,6 +90,12 @@ def test_only_obstacles_that_points_are_near_are_added_up():
     assert -now["left_impulse_x"] - now["right_impulse_x"] == pytest.approx(momentum, rel=1e-12)
     assert now["right_impulse_x"] > 1000.0 and now["left_impulse_x"] < -1000.0 and now["left_force_x"] == 0.0
     assert now["far_impulse_x"] == now["far_peak_force"] == 0.0
+    clocks = memory(sim)  # go on, as in a search for a factor of safety, and so does the number of rebuilds
+    clocks["simulation"]["skin"] = kept[0].memory["simulation"]["skin"]
+    assert "left" not in near[-1]
+    install(sim, replace(kept[0], memory=clocks))
+    sim.step()
+    assert "left" in near[-1]
 
 
 def test_torque_of_a_weight_and_forces_of_boundaries():
