@@ -230,6 +230,14 @@ class Bonds:
             stress[points] += mean[points, 1:]
         stress[points] /= np.maximum(known, 1.0)[:, None]
 
+    def book(self, particles: Particles, block: Block, rows: np.ndarray, work: np.ndarray, sums: np.ndarray) -> None:
+        """Add the `work` (n,) J of `rows` of a block to `sums` (owned,) of the points that hold them: half to each end.
+        """
+        index, first, second, _ = self.layout.holders(block, self.pairs)
+        for end in (first[index[rows]], second[index[rows]]):
+            mine = end < particles.owned
+            np.add.at(sums, end[mine], 0.5 * work[mine])
+
     def tell(self, particles: Particles) -> None:
         """Write into the state of active rows what their law asks for, at the end of the step."""
         for block in self.blocks:

@@ -28,10 +28,7 @@ class PlasticDissipation:
                 continue
             rows = np.flatnonzero(block.active & (block.state[:, column] != 0.0))
             work = bonds.layout.volumes(block, bonds.pairs, p, rows) * block.state[rows, column]
-            index, first, second, _ = bonds.layout.holders(block, bonds.pairs)
-            for ends in (first[index[rows]], second[index[rows]]):
-                mine = ends < p.owned
-                np.add.at(p.plastic_dissipation, ends[mine], 0.5 * work[mine])
+            bonds.book(p, block, rows, work, p.plastic_dissipation)
 
 
 def reports(material: Material) -> bool:

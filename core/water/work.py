@@ -19,14 +19,11 @@ FIELD = Field("water_work", None, "J", sent=False)
 
 
 def add_work(p, bonds, before: np.ndarray) -> None:
-    """Add to `water_work` that of the step, `before` (total,) Pa the pore stress at its start: half to either end."""
+    """Add to `water_work` that of the step, `before` (total,) Pa the pore stress at its start."""
     for block in bonds.blocks:
         rows = np.flatnonzero(block.active)
         index, first, second, _ = bonds.layout.holders(block, bonds.pairs)
-        ends = first[index[rows]], second[index[rows]]
-        stress = 0.25 * sum(before[end] + p.pore_stress[end] for end in ends)
+        stress = 0.25 * sum(before[end] + p.pore_stress[end] for end in (first[index[rows]], second[index[rows]]))
         strain = block.strain_increment[rows, :3].sum(axis=1)
         work = bonds.layout.volumes(block, bonds.pairs, p, rows) * stress * strain * (1.0 - 0.5 * strain)
-        for end in ends:
-            mine = end < p.owned
-            np.add.at(p.water_work, end[mine], 0.5 * work[mine])
+        bonds.book(p, block, rows, work, p.water_work)
