@@ -93,7 +93,8 @@ def run(
             sim.timing.reset()
             sim.halo.reset_counters()
             try:
-                sim.run(resumed=state is not None)
+                with naming(source):  # what a stage digs may leave a boundary without a face
+                    sim.run(resumed=state is not None)
             except Interrupted as reason:
                 progress.message(f"{reason}\ngo on with: {_how_to_resume(source)}")
                 return target
