@@ -85,15 +85,17 @@ def run(
             if state is None:
                 everywhere(comm, checkpoint.remove, target)  # they belong to a run that is gone
             history = _observe(scene, sim, writer, names, probes, progress, callbacks)
-            watchdog = _watchdog(scene, target, writer, progress.message)
-            keeper = _keeper(scene, target, writer, walltime, signals, progress.message, began)
+            keeper = _keeper(scene, target, writer, walltime, signals, progress.message, began, state)
+            rewind = _rewinding(sim, target, writer, keeper)
+            watchdog = _watchdog(scene, target, rewind, progress.message)
             sim.guards = [watchdog, keeper]  # in this order: no checkpoint of a state that is taken back
             _begin(scene, sim, source, target, state, progress.message)
             progress.message(f"ready after {time.monotonic() - began:.1f} s")
             sim.timing.reset()
             sim.halo.reset_counters()
             try:
-                sim.run(resumed=state is not None)
+                with naming(source):  # what a stage digs may leave a boundary without a face
+                    sim.run(resumed=state is not None)
             except Interrupted as reason:
                 progress.message(f"{reason}\ngo on with: {_how_to_resume(source)}")
                 return target
@@ -196,23 +198,44 @@ def _writer(scene, target, sim, names, probes, overwrite, state):
     )  # fmt: skip
 
 
-def _watchdog(scene, target, writer, message):
+def _watchdog(scene, target, rewind, message):
     return Watchdog(
-        scene.monitor.energy_tolerance, scene.materials, target.with_suffix(".diagnostic.csv"), rewind=writer.rewind,
+        scene.monitor.energy_tolerance, scene.materials, target.with_suffix(".diagnostic.csv"), rewind=rewind,
         message=message,
     )  # fmt: skip
 
 
-def _keeper(scene, target, writer, walltime, signals, message, began):
-    """Checkpoints as the scene asks for them; without, only when the run is asked to stop."""
+def _rewinding(sim, target, writer, keeper):
+    """What drops all that was recorded of `sim` after the step to which it was taken back."""
+
+    def rewind(step):
+        writer.rewind(step)
+        newest = everywhere(sim.comm, checkpoint.existing, target)[:1]
+        if any(path.name > checkpoint.path_of(target, step).name for path in newest):
+            keeper.write(sim)  # takes the place of those that were made since
+
+    return rewind
+
+
+def _keeper(scene, target, writer, walltime, signals, message, began, state):
+    """Checkpoints as the scene asks for them; without, only when the run is asked to stop.
+
+    `state` is that from which the run goes on, or None.
+    """
     chosen = scene.checkpoint or Checkpoint()
+    last = None if state is None else checkpoint.path_of(target, state.memory["simulation"]["step_number"])
 
     def write(sim):
+        nonlocal last
+        step, kept, tables = for_file(sim)
+        if checkpoint.path_of(target, step) == last:
+            return last  # of the same increment or trial, for example: to write it anew would only put it at risk
         writer.sync()
         configuration = _fingerprint(scene) if sim.comm.rank == 0 else ""  # which alone writes it
-        return checkpoint.write(
-            writer.background, target, *for_file(sim), configuration, chosen.keep, scene.output.parts
+        last = checkpoint.write(
+            writer.background, target, step, kept, tables, configuration, chosen.keep, scene.output.parts
         )
+        return last
 
     interval = None if scene.checkpoint is None else chosen.interval
     return Keeper(write, signals, writer.background, interval=interval, walltime=walltime, message=message, began=began)

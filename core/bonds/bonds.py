@@ -27,12 +27,16 @@ class Refusal:
 
 
 class RefusedStep(RuntimeError):
-    """A law could not follow a step; raised on all ranks alike. `points` are the ids of this rank's offenders."""
+    """A law could not follow a step; raised on all ranks alike. `points` are the ids of this rank's offenders.
 
-    def __init__(self, message: str, reason: str, points: np.ndarray):
+    `kind` is that of the fault, as `periporo.core.watch.diagnosis` knows it.
+    """
+
+    def __init__(self, message: str, reason: str, points: np.ndarray, kind: str = "refused"):
         super().__init__(f"{message}. The time step is too long for it, or the law fails in this state")
         self.reason = reason
         self.points = points
+        self.kind = kind
 
 
 class Bonds:

@@ -4,15 +4,17 @@ Time goes on in increments. In each one water flows, in pores that give way as e
 stress, and then the soil finds its equilibrium under the pressures; what its pores do beyond that is corrected until
 both agree (the fixed-stress split: Kim, Tchelepi & Juanes 2011). Increments are as long as the rates of pressure change
 little from one to the next. Where no equilibrium is found, an increment is begun again from where it began with a
-shorter one; where that is as short as can be, the stage is over, and the next one goes on.
+shorter one; where that is as short as can be, the stage is over, and the next one goes on. It does not from what is no
+number: that is refused, like a step that a law cannot follow.
 """
 
 import math
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from periporo.core.bonds.bonds import RefusedStep
 from periporo.core.motion.relaxation import RelaxationError
-from periporo.core.motion.settling import Settling
+from periporo.core.motion.settling import Settling, no_numbers
 from periporo.core.motion.stages import Stage
 from periporo.core.points.particles import Field, Particles
 
@@ -75,14 +77,17 @@ class QuasiStaticStage(Stage):
                     self._answer_at_once(sim)
                 if not self.settling.is_over(sim):
                     return False
-            except RelaxationError as reason:
-                self._lose(sim, str(reason).partition(": ")[2])
+            except (RelaxationError, RefusedStep) as reason:
+                self._lose(sim, reason)
                 continue
             disagreement = self.water.disagreement()
-            if not disagreement > (_AGREED if self._turns < _TURNS else 1.0) * self.accuracy:
+            if math.isnan(disagreement):
+                self._lose(sim, no_numbers(sim, self.name, "pressures", sim.particles.pore_pressure))
+            elif disagreement <= (_AGREED if self._turns < _TURNS else 1.0) * self.accuracy:
                 self._accept(sim)
             elif self._turns == _MOST_TURNS:
-                self._lose(sim, f"flow and equilibrium differ by {disagreement:.3g} of the pressure; raise accuracy")
+                message = f"flow and equilibrium differ by {disagreement:.3g} of the pressure; raise accuracy"
+                self._lose(sim, RelaxationError(f"stage '{self.name}': {message}"))
             else:
                 self._turns += 1
                 self.water.correct()
@@ -90,19 +95,22 @@ class QuasiStaticStage(Stage):
                 self._settle(sim, again=True)
         return True
 
-    def _lose(self, sim, reason: str) -> None:
-        """There is no equilibrium at the end of the increment: begin it again, shorter, or end the stage."""
+    def _lose(self, sim, reason: RelaxationError | RefusedStep) -> None:
+        """There is no equilibrium at the end of the increment: begin it again, shorter, or end the stage.
+
+        Raises a RefusedStep that is the `reason` where the increment cannot be shorter.
+        """
         gone = self._begun - (self.end_time - self.duration)
         shortest = max(self._shortest, _SHARP * gone)
-        length, repeated, ends = self.length, self.repeated, not self.length > shortest
-        if not ends or math.isnan(self.settling.residual):
-            reduction = sim.time_step.reduction
-            self.states.install(sim, self.begun_with)
-            sim.dt *= reduction / sim.time_step.reduction  # what the watchdog has found out holds
-            sim.time_step.reduction = reduction
-        if ends:
-            self.lost, self._over = reason, True
+        if not self.length > shortest:
+            if isinstance(reason, RefusedStep):
+                raise reason
+            self.lost, self._over = str(reason).partition(": ")[2], True
             return
+        length, repeated, reduction = self.length, self.repeated, sim.time_step.reduction
+        self.states.install(sim, self.begun_with)
+        sim.dt *= reduction / sim.time_step.reduction  # what the watchdog has found out holds
+        sim.time_step.reduction = reduction
         self._enter(sim, max(_DECLINE * length, shortest))
         self.repeated = repeated + 1
 

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from periporo.core.bonds.bonds import RefusedStep
 from periporo.core.motion.relaxation import STEERING, Relaxation, RelaxationError
 from periporo.core.motion.timestep import apply_stiffness, held, local_stiffness
 from periporo.core.numerics.tensors import square_lengths
@@ -26,6 +27,7 @@ _REMEMBERED = ("_elastic", "_moved", "_before", "_largest", "iterations")
 class Settling(Relaxation):
     """A relaxation that begins with elastic moves; `largest_way` m may a point go, then RelaxationError is raised.
 
+    RefusedStep is raised where forces are no numbers.
     Points keep `settled_from` (d,) m, where it began. `iterations` counts those of all elastic moves.
     """
 
@@ -74,7 +76,7 @@ class Settling(Relaxation):
     def _measure(self, sim):
         force = super()._measure(sim)
         if math.isnan(self.residual):  # before points that are nowhere count as free of forces
-            raise RelaxationError(f"stage '{self.name}': the forces on points are no numbers any more")
+            raise no_numbers(sim, self.name, "forces", sim.forces.total())
         return force
 
     def _scale_without_load(self, square):
@@ -127,6 +129,14 @@ class Settling(Relaxation):
                     break
                 direction = turned + power / before * direction
         return answer
+
+
+def no_numbers(sim, stage: str, what: str, values: np.ndarray) -> RefusedStep:
+    """The refusal of a state in which `what`, `values` (owned,) or (owned, d) of the points, are no numbers."""
+    p = sim.particles
+    fails = ~np.isfinite(values.reshape(p.owned, -1)).all(axis=1)
+    reason = f"{what} of points are no numbers any more"
+    return RefusedStep(f"stage '{stage}': {reason}", reason, p.id[: p.owned][fails], "nan")
 
 
 def _columns(*pairs):

@@ -1,7 +1,7 @@
 """Scenes from files, dictionaries or ready-made, read once and the same on every rank."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -45,8 +45,9 @@ def naming(source: Source) -> Iterator[None]:
         yield
     except InputError as error:
         if isinstance(source, str | Path):
-            raise located(error, source) from None
-        raise
+            with suppress(InputError):  # in the midst of a run the file may be gone
+                error = located(error, source)
+        raise error from None
 
 
 def simulation_of(source: Source, comm: MPI.Comm) -> Simulation:

@@ -96,9 +96,9 @@ class Watchdog:
         return self.retries == before
 
     def refused(self, sim, refusal) -> None:
-        """Take back a step that a law refuses. Raises WatchdogError if that was tried often enough."""
+        """Take back a step that is refused. Raises WatchdogError if that was tried often enough."""
         offends = 2.0 * np.isin(sim.particles.id[: sim.particles.owned], refusal.points)
-        self._take_back(sim, replace(self._describe(sim, "refused", offends), reason=refusal.reason))
+        self._take_back(sim, replace(self._describe(sim, refusal.kind, offends), reason=refusal.reason))
 
     def _relent(self, sim):
         """Back to the step before the failure; not after an energy error, which would only come back."""

@@ -41,11 +41,16 @@ def existing(target: Path) -> list[Path]:
     return sorted(_beside(target, ".h5"), reverse=True)
 
 
-def remove(target: Path, keep: int = 0) -> None:
-    """Delete all checkpoints of `target` but the newest `keep`, and what a killed run left half written."""
-    kept = existing(target)[:keep]
-    for path in (*existing(target)[keep:], *_beside(target, ".h5.partial")):
-        path.unlink(missing_ok=True)
+def remove(target: Path, keep: int = 0, last: Path | None = None) -> None:
+    """Delete all checkpoints of `target` but the newest `keep`, and what a killed run left half written.
+
+    Those after the `last`, the one just written, go, too: they are damaged, or of a motion that was taken back.
+    """
+    found = existing(target)
+    kept = [path for path in found if last is None or path.name <= last.name][:keep]
+    for path in (*found, *_beside(target, ".h5.partial")):
+        if path not in kept:
+            path.unlink(missing_ok=True)
     for folder in _beside(target, ".parts"):
         if folder not in map(folder_of, kept):
             shutil.rmtree(folder)
@@ -59,10 +64,10 @@ def _beside(target, ending):
 
 
 def write(background, target: Path, step: int, memory: dict, tables, configuration: str, keep: int, parts=None) -> Path:
-    """Have a checkpoint of `step` written beside the result file `target`, and older ones but `keep` deleted; its path.
+    """Have a checkpoint of `step` written beside the result file `target`, and others but `keep` deleted; its path.
 
     Collective; done when `background` (`io.output.background`) has settled, which raises OutputError if the disk is
-    full for example; the older checkpoints remain then. `tables` yields (name, keys (n,), columns by name) of this
+    full for example; the others remain then. `tables` yields (name, keys (n,), columns by name) of this
     rank's rows: `points`, and `rows_0`, `rows_1` ... by the ids of their first ends; `memory` is what the parts of the
     program remember, `configuration` the scene as JSON. parts: number of files that several ranks write side by side.
     """
@@ -71,7 +76,7 @@ def write(background, target: Path, step: int, memory: dict, tables, configurati
     file.begin({"memory": json.dumps(memory), "configuration": configuration, "step": step, "program": PROGRAM})
     for table in tables:
         file.put(*table)
-    file.finish(functools.partial(remove, target, keep))
+    file.finish(functools.partial(remove, target, keep, path))
     return path
 
 

@@ -1,7 +1,10 @@
 """The package from Python: imports without side effects, scenes from dictionaries, callbacks, results as arrays."""
 
+import os
+import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +13,7 @@ import periporo
 from periporo.core.points.material import UpdatesFailed
 from periporo.core.points.probes import Probes
 from periporo.core.watch.watchdog import WatchdogError
+from periporo.io.output import checkpoint
 from periporo.materials.elastic import Elastic
 
 
@@ -63,6 +67,24 @@ def test_run_writes_results_and_calls_back(scene_of, tmp_path, monkeypatch, caps
     with periporo.open_results(path) as results:
         recorded = dict(zip(results.history("step"), results.history("kinetic_energy"), strict=True))
     assert kinetic and all(recorded[step] == value for step, value in kinetic.items())
+
+
+def test_checkpoints_of_what_is_taken_back_make_way(scene_of, tmp_path, monkeypatch):
+    """A run that is resumed goes on from where the watchdog went back to."""
+    monkeypatch.chdir(tmp_path)
+    spoilt, file = [], Path("fall.vtkhdf")
+
+    def act(sim):
+        if sim.step_number == 10:
+            os.kill(os.getpid(), signal.SIGTERM if spoilt else signal.SIGUSR1)
+        if sim.step_number == 15:
+            spoilt.append(checkpoint.existing(file))
+            sim.particles.velocity[5, 0] = np.nan
+
+    scene = scene_of(stages=[{"name": "fall", "type": "dynamics", "duration": 1e-2}])
+    periporo.run(scene, file, quiet=True, callbacks=[(1, act)])
+    assert [[path.name[-5:] for path in paths] for paths in spoilt] == [["10.h5"]]
+    assert [path.name[-5:] for path in checkpoint.existing(file)] == ["10.h5", "00.h5"]
 
 
 @pytest.mark.parametrize("interval", [0, -1, 2.5, True])

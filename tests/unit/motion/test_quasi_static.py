@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from periporo.core.bonds.bonds import RefusedStep
+from periporo.core.watch.watchdog import Watchdog, WatchdogError
 from periporo.core.water.flow import flowing_water
 from periporo.errors import InputError
 from periporo.io.input.load import parse_scene
@@ -93,6 +95,22 @@ def test_where_equilibrium_is_lost_the_next_stage_goes_on(scene_of, started):
     sim.stages[1].run(sim)
     assert sim.time == pytest.approx(lost + 0.1, rel=1e-3)
     assert sim.particles.velocity[:, 1].min() < -0.01  # it was at rest
+
+
+def test_what_is_no_number_ends_the_run_and_not_the_stage(scene_of, started, tmp_path):
+    """Neither forces nor pressures: the next stage would go on from there. The watchdog tries it again first."""
+    fall = {"name": "fall", "type": "dynamics", "duration": 0.1}
+    for spoil in (lambda sim: sim.bonds.blocks[0].stress[3:4], lambda sim: sim.particles.pore_pressure[7:8]):
+        sim = started(waiting(scene_of, SIDES, after=[fall]))
+        spoil(sim)[:] = np.nan
+        with pytest.raises(RefusedStep, match="stage 'wait': (forces|pressures) of points are no numbers any more"):
+            sim.run()
+        assert sim.stage_number == 0
+    said = []
+    sim.guards = [Watchdog(0.01, ["soil"], tmp_path / "run.diagnostic.csv", message=said.append)]
+    with pytest.raises(WatchdogError, match=r"point \d+ at \(.*\) m, material 'soil', is not a number"):
+        sim.run()
+    assert len(said) == 3 and (tmp_path / "run.diagnostic.csv").exists()
 
 
 def test_what_it_needs_is_said(scene_of):

@@ -76,6 +76,14 @@ def test_the_last_ones_are_kept_and_halves_swept_away(sim, tmp_path):
     assert [p.name for p in checkpoint.existing(tmp_path / "run.h5")] == names[:0:-1]
 
 
+def test_what_is_after_the_one_just_written_is_swept_away(sim, tmp_path):
+    """It is damaged, or of a motion that was taken back: the next run would go on from it."""
+    for sim.step_number, keep in ((10, 3), (30, 3), (40, 3), (20, 1)):
+        path = write(sim, tmp_path / "run.h5", "{}", keep=keep, parts=2)
+    assert checkpoint.existing(tmp_path / "run.h5") == [path]
+    assert len(list(tmp_path.glob("*.parts"))) == 1
+
+
 def test_damage_and_another_scene_are_told_apart(sim, tmp_path):
     path = write(sim, tmp_path / "run.h5", json.dumps({"gravity": 1, "spacing": 2}), keep=1)
     with pytest.raises(OutputError, match="the scene has another gravity"):

@@ -1,12 +1,16 @@
 """The factor of safety of a block under its weight, what the search leaves behind, and that it goes on when stopped."""
 
+import os
+import signal
+
 import numpy as np
 import pytest
 
-from periporo import Simulation
+from periporo import Simulation, run
 from periporo.core.watch.state import State, capture, for_file, install, resume
 from periporo.core.watch.strength import StabilityError
 from periporo.errors import InputError
+from periporo.io.output import checkpoint
 from periporo.materials.cam_clay import CamClay
 from periporo.materials.drucker_prager import DruckerPrager
 
@@ -18,16 +22,21 @@ OTHER = {"model": "cam_clay", "grain_density": 2200.0, "porosity": 0.2, "bulk_mo
          "critical_state_slope": 1.1, "compression_index": 0.05, "swelling_index": 0.01}  # fmt: skip
 
 
-def block(cohesion=C, law=None, **stage):
+def scene(cohesion=C, law=None, **stage):
     """Clay 6 points wide and high on a smooth floor: sheared through at 45 degrees when its weight is about 4 c."""
     clay = law or LAW | {"cohesion": cohesion}
-    return Simulation.from_scene({
+    return {
         "dimension": 2, "spacing": 0.5, "gravity": [0, -10.0], "materials": {"clay": clay},
         "bodies": [{"name": "b", "material": "clay", "shape": {"type": "box", "lower": [0, 0], "upper": [3, 3]}}],
         "boundaries": {"base": {"where": {"upper": [None, 0.5]}, "fix": ["y"]}},
         "stages": [{"name": "safety", "type": "strength_reduction", "trial": 1.0, "damping": {"viscous": 20.0},
                     "boundaries": ["base"], "accuracy": 0.05, **stage}],
-    })  # fmt: skip
+    }  # fmt: skip
+
+
+def block(*arguments, **keys):
+    """The simulation of the scene."""
+    return Simulation.from_scene(scene(*arguments, **keys))
 
 
 def test_a_block_falls_when_its_strength_is_divided_by_the_factor():
@@ -95,6 +104,29 @@ def test_a_search_that_is_stopped_goes_on_from_the_beginning_of_its_trial_with_t
     assert np.array_equal(again.particles.position, whole.particles.position)
     assert np.array_equal(again.particles.velocity, whole.particles.velocity)
     assert again.bonds.blocks[0].material.cohesion == C
+
+
+def test_a_trial_has_one_checkpoint(tmp_path, monkeypatch):
+    """Parts that are written again would be damaged by a kill, and may be all that there is."""
+    write, written, trials = checkpoint.write, [], set()
+
+    def note(background, target, step, *others):
+        written.append(step)
+        return write(background, target, step, *others)
+
+    def ask(sim):
+        os.kill(os.getpid(), signal.SIGUSR1)
+        trials.add(sim.stages[0].factor)
+        if len(trials) == 3:
+            raise Stopped
+
+    monkeypatch.setattr(checkpoint, "write", note)
+    for resume_it in (False, True):
+        trials.clear()
+        with pytest.raises(Stopped):
+            run(scene() | {"output": {"parts": 2}}, tmp_path / "b.vtkhdf", quiet=True, resume=resume_it,
+                callbacks=[(30, ask)])  # fmt: skip
+    assert len(written) == len(set(written)) == 3 and written[0] == 0
 
 
 def test_a_state_of_the_trial_before_has_the_strength_of_that_trial():

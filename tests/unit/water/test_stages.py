@@ -1,10 +1,12 @@
 """Boundaries of water that come and go with the stages, and ground that is dug away and filled up while water flows."""
 
+import json
+
 import numpy as np
 import pytest
+import yaml
 
 from periporo.core.water.flow import flowing_water
-from periporo.errors import InputError
 
 SAND = {"model": "elastic", "density": 1590.0, "bulk_modulus": 25e6, "shear_modulus": 15e6}
 WATER = {"suction": 0, "drainage": "flowing", "porosity": 0.4, "bulk_modulus": 1e7, "conductivity": 1e-3}
@@ -81,7 +83,12 @@ def test_water_goes_through_the_floor_of_an_excavation_until_it_is_filled_up(sta
     assert stored + left - entered == pytest.approx([0.0, -0.1 * held, 0.05 * held], rel=0.01, abs=1e-9)
 
 
-def test_a_boundary_within_what_is_left_is_refused_when_it_is_dug(started):
-    sim = started(cut({"lower": [None, 0.05], "upper": [None, 0.06]}))
-    with pytest.raises(InputError, match=r"cut.water: none of its points has a face .* that looks to y\+ in"):
-        sim.run()
+def test_a_boundary_within_what_is_left_is_refused_when_it_is_dug(call, tmp_path):
+    """With file, line, entry and stage; what was recorded before stays."""
+    text = yaml.safe_dump(json.loads(json.dumps(cut({"lower": [None, 0.05], "upper": [None, 0.06]}))))  # no aliases
+    (tmp_path / "dug.yaml").write_text(text)
+    status, _, error = call("dug.yaml", "--quiet", "--no-plot")
+    line = text.splitlines().index("    water:", text.splitlines().index("  cut:")) + 1
+    found = " ".join(error.split())
+    assert status == 2 and f"dug.yaml: 1 problem line {line}, boundaries.cut.water: none of its points has" in found
+    assert "that looks to y+ in stage 'stage 1'" in found and (tmp_path / "dug.vtkhdf").exists()
