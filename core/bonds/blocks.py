@@ -98,7 +98,8 @@ class Block(Rows):
         self.conservative = bool(getattr(law, "conservative", False))
         self.flows = self.opening is not None and not self.conservative
         self.exchanges = self.flows and bool(getattr(law, "exchanges_stress", False))
-        self.dilatancy = float(getattr(law, "dilatancy", 0.0)) if self.exchanges else 0.0  # others may mean another
+        told = getattr(law, "dilatancy", 0.0) if self.exchanges else 0.0  # by the name others may mean another thing
+        self.dilatancy = np.atleast_1d(np.asarray(told, float))  # (1,), or (rows,) where it varies
 
     def law_of(self, rows) -> Material:
         """The law of some of the rows."""

@@ -159,6 +159,7 @@ def _describe(
     point, active, dt, exchanged, dilatancy, viscosity, column, stress, state, bulk, uneven_rate, link, mass, volume,
     share, gradient, activity, flowed, viscous, position, width, flow, flow_stress, work, dim,
 ):  # fmt: skip
+    last = dilatancy.shape[0] - 1  # of one for all rows, or one for each
     for r in range(point.shape[0]):
         i = point[r]
         if not active[r]:
@@ -184,7 +185,7 @@ def _describe(
         flow[i, MOVED] = min(REARRANGED * dt * activity[i] * rate, MOST_REARRANGED)
         flow[i, PART] = min(exchanged * courant, MOST_EXCHANGED)
         flow[i, MADE] = CLEARED * bulk[r] * dt * (abs(uneven_rate[i]) + SHEAR_MAKES * rate)
-        flow[i, BORNE] = dilatancy * np.sqrt(square / 3.0)
+        flow[i, BORNE] = dilatancy[min(r, last)] * np.sqrt(square / 3.0)
         q = viscosity * activity[i] * density * speed * size * uneven_rate[i]
         viscous[i] = q
         work[i, _VISCOUS] += q * uneven_rate[i] * dt * volume[i] * share[i, 2]

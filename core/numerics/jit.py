@@ -24,7 +24,8 @@ import numba.extending
 from numba.core import config as numba_config
 from numba.core import types
 from numba.core.registry import cpu_target
-from numba.core.runtime import _nrt_python
+
+from periporo.core.numerics.lean import make_lean
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 _UNUSED = 30 * 86400.0  # s after which machine code that no process asked for is deleted
@@ -195,6 +196,10 @@ def _remark(text: str) -> None:
         remarks.append(text)
 
 
+def _tell_unkept(error: OSError) -> None:
+    _remark(f"compiled kernels cannot be kept in {CACHE_ROOT}: {error.strerror}; every run compiles them")
+
+
 COMPILING = "compiling kernels (once, about half a minute)"
 
 CACHE_ROOT: Path | None = None
@@ -222,7 +227,7 @@ def cache_folder(source: Path) -> Path | None:
         folder.mkdir(exist_ok=True)
         os.utime(folder)
     except OSError as error:
-        _remark(f"compiled kernels cannot be kept in {CACHE_ROOT}: {error.strerror}; every run compiles them")
+        _tell_unkept(error)
         return None
     return folder
 
@@ -264,43 +269,8 @@ def kernel(function):
         _remark(f"compiled kernels cannot be kept in {CACHE_ROOT}; every run compiles them")
         return numba.njit(fastmath=FASTMATH, error_model="numpy")(function)
     if not numba_config.DISABLE_JIT:  # which leaves functions as they are, for a debugger
-        _make_lean(compiled._cache)
+        make_lean(compiled, _tell_unkept, _remark)
     return compiled
-
-
-def _make_lean(cache) -> None:
-    """Have a kernel come from the cache without the compiler, and work though its machine code cannot be written.
-
-    Numba sets up all that it can compile before it reads machine code, a third of a second that is spent on every rank
-    at once, and keeps what would be needed to call a kernel from another, which none does.
-    """
-    load, save, reduce = cache._load_overload, cache.save_overload, cache._impl.reduce
-
-    def load_alone(signature, target_context):
-        _tell_runtime()
-        with cache._guard_against_spurious_io_errors():
-            return load(signature, target_context)
-
-    def save_or_remark(signature, data):
-        try:
-            save(signature, data)
-        except OSError as error:
-            _remark(f"compiled kernels cannot be kept in {CACHE_ROOT}: {error.strerror}; every run compiles them")
-
-    def reduce_to_machine_code(result):
-        (name, kind, (code, _)), described, *rest, environments = reduce(result)
-        entry = f'define void @"{described.llvm_cpython_wrapper_name}"() {{ ret void }}'  # numba asks if it is there
-        stub = llvmlite.binding.parse_assembly(entry).as_bitcode()
-        return (name, kind, (code, stub)), described, *rest, tuple(e for e in environments if e.consts)
-
-    cache.load_overload, cache.save_overload, cache._impl.reduce = load_alone, save_or_remark, reduce_to_machine_code
-
-
-@functools.cache
-def _tell_runtime() -> None:
-    """Tell machine code where numba's functions are that it calls, as its own start does before it compiles some."""
-    for name, address in _nrt_python.c_helpers.items():
-        llvmlite.binding.add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
 
 
 class Inlined:

@@ -77,6 +77,13 @@ class VariedLaw:
         """The least of the rows, which makes the fastest waves; that of the base before rows are known."""
         return min((law.density for law in self._laws or ()), default=self.base.density)
 
+    @cached_property
+    def dilatancy(self) -> np.ndarray:
+        """Those of the rows, (rows,), or that of the base, (1,), before rows are known; AttributeError if it has none.
+        """
+        laws: list[Any] = [self.base] if self._laws is None else self._laws
+        return np.array([law.dilatancy for law in laws], float)
+
     @property
     def state_fields(self):
         """Those of every one of the laws."""

@@ -5,7 +5,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from periporo.core.water.conductance import SHAPE_PAIRS
+from periporo.core.points.particles import symmetric
 from periporo.core.water.flow import CONTENT, DISSIPATED, ENTERED, LEFT, RAN_OFF, FlowingWater
 from periporo.core.water.retention import conductivities
 
@@ -70,7 +70,7 @@ class WaterBoundary:
         there = np.flatnonzero(ratio * area > _FACE * (p.volume[rows] * ratio) ** (1.0 - 1.0 / d))
         rows, area, normal, tensor = rows[there], area[there], normal[there], outer[rows[there], d:]
         square = np.zeros(len(rows))
-        for c, (a, b) in enumerate(SHAPE_PAIRS[d]):
+        for c, (a, b) in enumerate(symmetric(d)):
             square += (1.0 if a == b else 2.0) * tensor[:, c] * normal[:, a] * normal[:, b]
         return Faces(rows, ratio[there] * area, normal, 0.5 * square / area)
 

@@ -32,9 +32,6 @@ _ACROSS, _ALONG = 0.6, 0.8  # of what the continuum conducts: less is the way th
 _MOST_FITTED = 1.25  # factor of them in a turn
 _FLOOR = 1e-9  # of W, on the diagonal: directions in which there is no pair do not count
 
-SHAPE_PAIRS = {2: ((0, 0), (1, 1), (0, 1)), 3: ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))}
-"""Axes of the columns of a symmetric tensor."""
-
 
 def field(dimension: int) -> Field:
     """What points need for it: W and Lambda; W is 0 of points without regular company."""
@@ -85,7 +82,7 @@ def _fit_surface(p, face) -> None:
     d = p.dimension
     rows = np.flatnonzero((face[:, :d] != 0.0).any(axis=1))
     tensor = np.empty((len(rows), d, d))
-    for c, (a, b) in enumerate(SHAPE_PAIRS[d]):
+    for c, (a, b) in enumerate(symmetric(d)):
         tensor[:, a, b] = tensor[:, b, a] = face[rows, d + c] / (2.0 * p.volume[rows])
     conducted = np.linalg.eigvalsh(tensor)
     goes_on = np.clip((conducted - _ACROSS) / (_ALONG - _ACROSS), 0.0, 1.0)

@@ -1,6 +1,7 @@
 """The command line, in process: results, refusals on one screen, exit status."""
 
 import copy
+import gc
 import os
 import random
 import re
@@ -289,6 +290,19 @@ def test_a_misspelt_command_is_recognised_unless_there_is_such_a_file(call, scen
     assert status == 2 and "did you mean 'periporo plot run.vtkhdf'?" in error
     os.rename(scene(), "runn")
     assert call("runn", "--no-plot")[0] == 0
+
+
+@pytest.mark.parametrize("on", [True, False])
+def test_modules_are_loaded_without_the_collector_which_is_as_it_was_afterwards(on):
+    was = gc.isenabled()
+    try:
+        (gc.enable if on else gc.disable)()
+        with pytest.raises(ImportError), cli._without_collector():
+            assert not gc.isenabled()
+            raise ImportError
+        assert gc.isenabled() == on
+    finally:
+        (gc.enable if was else gc.disable)()
 
 
 def test_version(call):

@@ -1,4 +1,7 @@
-"""Flows whose answers are known, small: what `python -m benchmarks flow` and `flow_truths` print at full size."""
+"""Flows whose answers are known, small: what `python -m benchmarks flow` and `flow_truths` print at full size.
+
+Bounds are one and a half times what so few points miss by, so that twice the error fails.
+"""
 
 import numpy as np
 import pytest
@@ -13,21 +16,21 @@ def test_a_layer_of_sand_slides_down_a_rough_slope_as_its_friction_lets_it():
 
 def test_a_layer_that_flows_down_an_endless_slope_keeps_its_volumes():
     figures = flow_truths.endless(6, depths=2.0)
-    assert figures["way"] == pytest.approx(1.0, abs=0.15)
-    assert figures["area"] == pytest.approx(1.0, abs=0.03) and figures["volumes"] == pytest.approx(1.0, abs=0.01)
-    assert 0.9 < figures["1 %"] < figures["99 %"] < 1.1 and figures["scatter"] < 0.15
+    assert figures["way"] == pytest.approx(1.0, abs=0.15)  # .90
+    assert figures["area"] == pytest.approx(1.0, abs=0.022) and figures["volumes"] == pytest.approx(1.0, abs=0.003)
+    assert 0.984 < figures["1 %"] < figures["99 %"] < 1.006 and figures["scatter"] < 0.06  # .990, 1.003, .037
 
 
 def test_clay_that_is_pressed_flat_keeps_its_volumes():
     figures = flow_truths.clay(8)
     assert figures["area"] == pytest.approx(1.0, abs=0.08)
-    assert 0.97 < figures["1 %"] < figures["99 %"] < 1.03
+    assert 0.99 < figures["1 %"] < figures["99 %"] < 1.003  # .994, 1.0017
 
 
 def test_a_dam_of_soil_without_friction_follows_ritter_and_keeps_its_area():
     figures = flow_truths.dam(10, heights=2.0)
-    assert figures["area"] == pytest.approx(1.0, abs=0.03)
-    assert abs(figures["0.4 H"]) < 0.1 and abs(figures["0.2 H"]) < 0.15
+    assert figures["area"] == pytest.approx(1.0, abs=0.004)  # 1.002
+    assert abs(figures["0.4 H"]) < 0.075 and abs(figures["0.2 H"]) < 0.11  # .047, -.074
 
 
 def test_a_column_falls_the_same_way_turned_and_on_a_map():
@@ -50,8 +53,8 @@ def test_a_pile_of_bars_falls_nearly_as_measured():
     """With 200 points; the table of docs/explanation/aluminium_bars.md has 800 and 3200."""
     sim, moved = aluminium_bars.collapse(0.01)
     figures = aluminium_bars.compare(sim.particles.position[: sim.particles.owned], moved, 0.01)
-    assert figures["surface"] < 0.01 and figures["failure line"] < 0.04
-    assert figures["front"] == pytest.approx(1.0, abs=0.1)
+    assert figures["surface"] < 0.01 and figures["failure line"] < 0.04  # m: .0073, .034
+    assert figures["front"] == pytest.approx(1.0, abs=0.1)  # .94
 
 
 def test_area_by_the_neighbours_of_a_lattice_is_that_of_an_affine_motion():

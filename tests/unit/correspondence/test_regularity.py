@@ -10,6 +10,7 @@ from periporo.core.bonds.rows import PointRows
 from periporo.core.correspondence import regularity
 from periporo.core.correspondence.point_state import PointState
 from periporo.core.points.forces import FLOW_WORK
+from periporo.core.points.varied import VariedLaw
 from periporo.materials.drucker_prager import DruckerPrager
 
 SPACING = 0.01
@@ -59,19 +60,29 @@ def test_a_law_of_a_third_party_takes_part_by_two_names():
 
 
 @pytest.fixture
-def sheared(cloud, grid):
-    """A cloud of sand that yields everywhere, with random stress in the cone; its links are described."""
-    position = grid(8, 8, spacing=SPACING, jitter=0.3)
-    gradient = np.array([[0.0, 30.0], [0.0, 0.0]])
-    sim = cloud(position, laws=[LAW], velocity=position @ gradient.T, fixed=1e-5,
-                scheme=lambda h, name: PointState(h, name, sharpened=SPACING, regular=True))  # fmt: skip
-    block = sim.bonds.blocks[0]
-    draw = np.random.default_rng(5)
-    block.stress[:, :3] = -draw.uniform(500.0, 1500.0, (64, 1))
-    block.stress[:, 3] = draw.uniform(-200.0, 200.0, 64)
-    sim.particles.activity[:] = 1.0
-    sim.dt = 1e-5
-    return sim
+def shear(cloud, grid):
+    """The function that makes a cloud of sand that yields everywhere, with random stress in the cone."""
+
+    def make(law=LAW, rate=30.0):
+        position = grid(8, 8, spacing=SPACING, jitter=0.3)
+        gradient = np.array([[0.0, rate], [0.0, 0.0]])
+        sim = cloud(position, laws=[law], velocity=position @ gradient.T, fixed=1e-5,
+                    scheme=lambda h, name: PointState(h, name, sharpened=SPACING, regular=True))  # fmt: skip
+        block = sim.bonds.blocks[0]
+        draw = np.random.default_rng(5)
+        block.stress[:, :3] = -draw.uniform(500.0, 1500.0, (64, 1))
+        block.stress[:, 3] = draw.uniform(-200.0, 200.0, 64)
+        sim.particles.activity[:] = 1.0
+        sim.dt = 1e-5
+        return sim
+
+    return make
+
+
+@pytest.fixture
+def sheared(shear):
+    """Such a cloud of sand that does not dilate."""
+    return shear()
 
 
 def carried(sim):
@@ -98,6 +109,39 @@ def test_exchange_keeps_the_sum_of_stress_and_only_takes_energy(sheared):
     mean = block.stress[:, :3].mean(axis=1)
     root = np.sqrt(0.5 * ((block.stress[:, :3] - mean[:, None]) ** 2).sum(axis=1) + block.stress[:, 3] ** 2)
     assert (root + eta * mean - strength < 1e-9).all()
+
+
+def test_exchange_is_bounded_row_by_row_where_dilation_varies(shear):
+    """Half of the cloud dilates, and exchanges as a cloud does that dilates; the other as one that does not."""
+
+    def dilating(angle):
+        return DruckerPrager(**LAW.model_dump() | {"dilation_angle": angle})
+
+    def exchanged(sim):
+        """What exchange adds to the stress of each point, and the dilatancy by which it is bounded."""
+        p, block = sim.particles, sim.bonds.blocks[0]
+        sim.scheme.deform(p, sim.bonds, sim.halo, 1e-5, 1e-5)
+        block.strain_increment[:] = 0.0
+        before = block.stress.copy()
+        sim.scheme.regularise(p, sim.bonds, sim.halo)
+        borne = np.sqrt((before[:, :3] ** 2).sum(axis=1) + 2.0 * before[:, 3] ** 2) / np.sqrt(3.0)
+        return block.stress - before, p.flow[:64, regularity.BORNE] / borne
+
+    slow = 0.3  # 1/s: too little for what the points exchange
+    mixed = shear(rate=slow)
+    x, block = mixed.particles.position[:64, 0] / SPACING, mixed.bonds.blocks[0]
+    right = x > 4.0
+    block.values = np.where(right, 20.0, 0.0)[:, None]
+    block.use(VariedLaw(LAW, ("dilation_angle",), lambda values: dilating(*values)))
+    (change, dilatancy), (free, none), (bound, all_of_it) = (
+        exchanged(sim) for sim in (mixed, shear(rate=slow), shear(dilating(20.0), slow))
+    )
+    assert not none.any() and all_of_it == pytest.approx(np.tan(np.radians(20.0)))
+    assert np.array_equal(dilatancy, np.where(right, all_of_it, none))
+    far, dilates = x < 1.0, x > 7.0  # from the border between them
+    assert far.sum() == dilates.sum() == 8
+    assert np.array_equal(change[far], free[far]) and np.array_equal(change[dilates], bound[dilates])
+    assert np.abs(bound).max() < 0.5 * np.abs(free).max()
 
 
 def test_points_that_shear_move_away_from_those_too_close_and_soil_at_rest_stays(sheared):

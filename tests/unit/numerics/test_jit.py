@@ -1,5 +1,6 @@
 """The cache of machine code: its folders depend on all that the code depends on, and lie where one can write."""
 
+import contextlib
 import importlib
 import os
 import pkgutil
@@ -7,14 +8,15 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
+from numba.core.runtime import _nrt_python
 
 import periporo
-from periporo.core.numerics import jit
+from periporo.core.numerics import jit, lean
 
 COMPILED = Dispatcher | jit.Inlined
 
@@ -202,6 +204,11 @@ if sys.argv[2] == "read-only":
 from periporo.core.numerics import jit
 if sys.argv[2] == "full":
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+if sys.argv[2] == "renamed":
+    from numba.core.caching import Cache
+    Cache.load_known = Cache._load_overload
+    Cache.load_overload = lambda self, signature, context: (context.refresh(), self.load_known(signature, context))[1]
+    del Cache._load_overload
 
 @jit.kernel
 def twice(x):
@@ -243,3 +250,56 @@ def test_a_cache_that_lies_ready_is_used_though_it_cannot_be_written(process, tm
 
 def test_a_kernel_that_comes_from_the_cache_does_not_set_up_the_compiler(process):
     assert [process("plain")[-1] for _ in range(2)] == ["True", "False"]
+
+
+def test_kernels_work_with_a_numba_that_lacks_a_name(process):
+    for expected in ("0", "1"):
+        result, hits, _, remarks, compiler = process("renamed")
+        assert (result, hits, compiler) == ("2.0", expected, "True")
+        assert "loads machine code in another way" in remarks and "_load_overload" in remarks
+
+
+@pytest.fixture
+def numba_cache():
+    """A kernel's cache with the names that numba's has; it answers what it was asked by numba's own way."""
+    cache = SimpleNamespace(
+        load_overload=lambda *what: ("own way", *what), _load_overload=lambda *what: ("alone", *what),
+        save_overload=lambda *what: None, _guard_against_spurious_io_errors=contextlib.nullcontext,
+        _impl=SimpleNamespace(reduce=lambda whole: whole),
+    )  # fmt: skip
+    return SimpleNamespace(_cache=cache)
+
+
+LACKS = {
+    "load_overload": "_cache", "_load_overload": "_cache", "save_overload": "_cache", "_impl": "_cache",
+    "_guard_against_spurious_io_errors": "_cache", "_cache": None,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LACKS)
+def test_a_numba_that_lacks_a_name_goes_its_own_way_and_is_remarked(numba_cache, name):
+    holder = numba_cache if LACKS[name] is None else numba_cache._cache
+    delattr(holder, name)
+    before, said = dict(vars(holder)), []
+    lean.make_lean(numba_cache, None, said.append)
+    assert vars(holder) == before
+    assert len(said) == 1 and f"'{name}'" in said[0] and "kernels work" in said[0]
+
+
+def test_a_numba_whose_names_mean_another_thing_goes_its_own_way_and_is_remarked(numba_cache, monkeypatch):
+    said = []
+    lean.make_lean(numba_cache, None, said.append)
+    cache = numba_cache._cache
+    described = SimpleNamespace(llvm_cpython_wrapper_name="entry")
+    known = ("name", "object", (b"code", b"bitcode")), described, "more", ()
+    (name, kind, (code, stub)), *_ = cache._impl.reduce(known)
+    assert (name, kind, code) == ("name", "object", b"code") and stub != b"bitcode" and not said
+    for other in ((b"code", *known[1:]), (known[0], SimpleNamespace(), "more", ()), (*known, 7), known[:1]):
+        assert cache._impl.reduce(other) is other
+    assert cache.load_overload(1, 2) == ("alone", 1, 2)
+    count = len(said)
+    assert count == 4
+    monkeypatch.delattr(_nrt_python, "c_helpers")
+    lean._tell_runtime.cache_clear()
+    assert cache.load_overload(1, 2) == ("own way", 1, 2)
+    assert len(said) == count + 1 and "c_helpers" in said[-1]
