@@ -240,7 +240,7 @@ def tables(found):
     shown = ranked[:12] + [c for c in ranked[12:] if c == DEFAULT or c == Choice(c.scheme)]
     candidates = {c: r for c, r in ratios.items() if c in complete and c.scheme not in UNSTABLE}
     columns = ["scheme", "influence", "m", "safety", *found, "mean", "front"]
-    lines += ["", f"| place of {len(ranked)} | {' | '.join(columns)} |", "|---" * (1 + len(columns)) + "|"]
+    lines += ["", f"| place | {' | '.join(columns)} |", "|---" * (1 + len(columns)) + "|"]
     for c in shown:
         values = " | ".join(f"{r:.2f}" for r in ratios[c])
         words = f"{c.scheme} | {c.influence} | {c.m} | {c.safety}"
