@@ -243,7 +243,7 @@ def tables(found):
     lines += ["", f"| place | {' | '.join(columns)} |", "|---" * (1 + len(columns)) + "|"]
     for c in shown:
         values = " | ".join(f"{r:.2f}" for r in ratios[c])
-        words = f"{c.scheme} | {c.influence} | {c.m} | {c.safety}"
+        words = f"{c.scheme.removeprefix('point_state, ')} | {c.influence} | {c.m} | {c.safety}"
         best = "yes" if c in candidates and not any(dominates(r, ratios[c]) for r in candidates.values()) else ""
         lines.append(f"| {ranked.index(c) + 1} | {words} | {values} | {complete[c]:.2f} | {best} |")
     return lines
