@@ -44,12 +44,17 @@ def _strange_permeability(water) -> list[str]:
     return doubts
 
 
+def _heaviest_rain(boundary) -> float:
+    """The most that falls on a boundary, m/s; 0 where none does."""
+    rain = None if boundary.water is None else boundary.water.rain
+    return 0.0 if rain is None else max(rain.values)
+
+
 def _strange_rain(scene) -> list[str]:
     """A remark on rain that never fell."""
     doubts = []
     for name, boundary in scene.boundaries.items():
-        rain = None if boundary.water is None else boundary.water.rain
-        most = 0.0 if rain is None else max(rain.values)
+        most = _heaviest_rain(boundary)
         if most > _CLOUDBURST:
             doubts.append(
                 f"boundary '{name}': a rain of {most:.3g} m/s is more than ever fell ({_CLOUDBURST:g} m/s are 360 "
@@ -62,10 +67,10 @@ def _rain_from_below(scene) -> list[str]:
     """A remark on rain on faces that look down."""
     doubts, gravity = [], scene.vector(scene.gravity)
     for name, boundary in scene.boundaries.items():
-        rain = None if boundary.water is None else boundary.water.rain
-        most = 0.0 if rain is None else max(rain.values)
         side = None if boundary.water is None else boundary.water.side
-        if most > 0.0 and side is not None and gravity["xyz".index(side[0])] * (1.0 if side[1] == "+" else -1.0) > 0.0:
+        if side is None or _heaviest_rain(boundary) <= 0.0:
+            continue
+        if gravity["xyz".index(side[0])] * (1.0 if side[1] == "+" else -1.0) > 0.0:
             doubts.append(f"boundary '{name}': no rain falls on faces that look to {side}, down; choose another side")
     return doubts
 

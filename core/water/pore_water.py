@@ -11,6 +11,7 @@ its kinetic energy dm |v|^2 / 2 counts as work of the surroundings (`external`),
 closes to rounding. The work of pressure on the pores is part of the internal work.
 """
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,7 @@ ATMOSPHERE = 101.3e3
 """Atmospheric pressure, Pa."""
 
 
-class PoreWater:
+class PoreWater(ABC):
     """What every pore water does as a point process; a subclass tells pressure and saturation after a step.
 
     `profile` is the pressure at the start, `free` the free water outside or None. Point fields: `pore_pressure`,
@@ -111,9 +112,9 @@ class PoreWater:
             index, first, second, _ = bonds.layout.holders(block, bonds.pairs)
             _fill_total(index, first, second, p.pore_stress, block.stress, block.total)
 
+    @abstractmethod
     def _advance(self, p, dt: float) -> None:
         """Pressure, saturation and mass of the owned points at the end of the step."""
-        raise NotImplementedError
 
     def histories(self) -> dict[str, float]:
         """What is stored, m^3 at zero pressure; collective."""

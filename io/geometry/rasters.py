@@ -12,6 +12,7 @@ import numpy as np
 
 from periporo.core.numerics.heights import height_at
 from periporo.io.geometry.points import counted_from
+from periporo.io.schema.errors import is_number
 from periporo.io.schema.ground import RasterFile
 
 MAX_VALUES = 500_000_000
@@ -184,7 +185,7 @@ def _from_ascii(path: Path) -> Raster:
     try:
         level = np.array(values, float)
     except ValueError:
-        wrong = next(k for k, value in enumerate(values) if not _is_number(value))
+        wrong = next(k for k, value in enumerate(values) if not is_number(value))
         at = f"row {wrong // nx + 1}, column {wrong % nx + 1}"
         raise GroundFileError(f"the value at {at} is {values[wrong]!r:.40}, not a number") from None
     if len(level) != nx * ny:
@@ -203,14 +204,6 @@ def _count(header: dict[str, float], name: str) -> int:
     if not (count >= 1.0 and count == int(count) and count <= MAX_VALUES):
         raise GroundFileError(f"its header has no valid {name}: it is no ESRI ASCII grid")
     return int(count)
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def _corner(header: dict[str, float], axis: str, side: float) -> float:

@@ -207,7 +207,7 @@ def _message(finding: ErrorDetails, node: dict[str, Any]) -> str:
     if kind == "literal_error":
         return _option(value, [str(o) for o in node.get("enum", [node.get("const")])]) + _meaning(node)
     if kind in _KINDS:
-        hint = "; write it without quotes" if kind in _NUMERIC and _is_quoted_number(value) else ""
+        hint = "; write it without quotes" if kind in _NUMERIC and isinstance(value, str) and is_number(value) else ""
         return f"must be {_KINDS[kind]}, not {described(value)}{hint}{_meaning(node)}"
     if kind in _BOUNDS and _range(node):
         return f"must be {_range(node)}, not {described(value)}{_meaning(node)}"
@@ -229,11 +229,10 @@ def _option(value: Any, allowed: list[str]) -> str:
     return f"{described(value)} is not an option; {choice(value, allowed)}"
 
 
-def _is_quoted_number(value: Any) -> bool:
-    if not isinstance(value, str):
-        return False
+def is_number(text: str) -> bool:
+    """Whether a text is that of a number."""
     try:
-        float(value)
+        float(text)
     except ValueError:
         return False
     return True
